@@ -1,4 +1,4 @@
-"""Where the program starts: it sees first that the four packages that it is made of are its own.
+"""Where the program and the library start: they see first that the packages that they are made of are their own.
 
 The index has other projects' packages of these names. Installed beside faultline they lie over its files, and nothing
 says so; none of them is loaded here before it is known whose it is.
@@ -17,12 +17,17 @@ BAD_INPUT = 2
 
 def main() -> None:
     """Run the command line, or say in one line which package is not ours."""
-    if wrong := next(filter(None, map(stranger, PACKAGES)), ""):
+    if wrong := find_stranger():
         print(f"faultline: {wrong}", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
     from executor.cli.main import main as run
 
     run()
+
+
+def find_stranger() -> str:
+    """Return in words which package is not ours; empty if all are."""
+    return next(filter(None, map(stranger, PACKAGES)), "")
 
 
 def stranger(name: str) -> str:

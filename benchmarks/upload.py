@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import os
 import platform
-import socket
 import statistics
 import sys
 import time
@@ -31,9 +30,8 @@ from executor.protocols.mission_transfer import DownloadDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
 from missions import Command, Dialect, Frame, MissionItem, dialect_for, find_mission_differences
-from simulator.config import AutopilotKind, SimFleet, SimVehicle
-from simulator.fault_kinds import parse_fault
-from simulator.fleet import run_fleet
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.testing import ANY_PORT, fleet
 
 ITEMS, LOSSES, DELAYS_S = (10, 40, 200), (0.0, 0.05, 0.2), (0.0, 0.05, 0.3)
 AT_ONCE = 48
@@ -243,21 +241,9 @@ async def _answer_s(autopilot: str, seed: int) -> float:
 @asynccontextmanager
 async def _vehicle(autopilot: str, loss: float, delay_s: float, seed: int) -> AsyncIterator[Connection]:
     """Run a simulated vehicle that stands on its pad behind a bad link; yields how it is reached."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
-        plug.bind(("127.0.0.1", 0))
-        connection = Connection(Scheme.UDP_OUT, "127.0.0.1", plug.getsockname()[1])
-    vehicle = SimVehicle(
-        NAME, SYSID, AutopilotKind(autopilot), str(connection), LAT_E7 / 1e7, LON_E7 / 1e7, 300.0, seed=seed
-    )
-    faults = (parse_fault(f"all:loss={loss}@0s"), parse_fault(f"all:delay={delay_s}@0s"))
-    stop, ready = asyncio.Event(), asyncio.Event()
-    async with asyncio.TaskGroup() as tasks:
-        tasks.create_task(run_fleet(SimFleet((vehicle,), 1.0, faults), stop=stop, on_truth=lambda _: None, ready=ready))
-        try:
-            await ready.wait()
-            yield connection
-        finally:
-            stop.set()
+    vehicle = SimVehicle(NAME, SYSID, AutopilotKind(autopilot), ANY_PORT, LAT_E7 / 1e7, LON_E7 / 1e7, 300.0, seed=seed)
+    async with fleet([vehicle], faults=[f"all:loss={loss}@0s", f"all:delay={delay_s}@0s"]) as living:
+        yield Connection(Scheme.UDP_OUT, "127.0.0.1", living[0].port)
 
 
 def _mission(dialect: Dialect, count: int, height_m: float) -> tuple[MissionItem, ...]:

@@ -16,7 +16,6 @@ from pathlib import Path
 
 from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual.in_process_solver import InProcessSolver
-from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
 from benchmarks.virtual.radio import JoinedRadio, MemoryRadio, share_port
 from executor.analysis.documents import FlightReport
@@ -52,6 +51,7 @@ from simulator.config import SimVehicle
 from simulator.fleet import SimulatedVehicle, build_vehicles
 from simulator.radio import parse_radio
 from simulator.truth import Truth
+from simulator.virtual_loop import run_virtual
 
 LIMIT_S = 3 * 3600.0
 """A flight that takes longer than this is left: no pack lasts as long."""

@@ -226,7 +226,6 @@ class CameraTasks:
     """By the segment that stands for a pylon and its viewpoints."""
 
     def __bool__(self) -> bool:
-        """Return whether anything is asked for."""
         return bool(self.spans or self.pylons)
 
     def cameras_for(self, segment: int) -> frozenset[str]:

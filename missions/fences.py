@@ -13,15 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from missions import geometry
 from missions.geo import BoolArray, FloatArray, LocalFrame
-from missions.geometry import (
-    build_convex_hull,
-    distances_between_m,
-    is_enclosed,
-    locate_on_leg,
-    parallelogram_area_m2,
-    sample_leg,
-)
 from missions.items import Frame, MissionItem, PlaceCommand
 from missions.waypoints import FlightPath
 
@@ -51,7 +44,7 @@ class Fence:
         """Return how far outside a place is; 0 inside."""
         if _is_inside_convex(self.corners_m, place_m, 0.0):
             return 0.0
-        return min(locate_on_leg(one, other, place_m)[1] for one, other in _iterate_edges(self.corners_m))
+        return min(geometry.locate_on_leg(one, other, place_m)[1] for one, other in _iterate_edges(self.corners_m))
 
     def is_covering(self, other: Fence) -> bool:
         """Return whether everything inside the other one is inside this one."""
@@ -96,7 +89,7 @@ def build_fence_hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:
     ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
     """
     ordered = sorted({(round(east_m, 3), round(north_m, 3)) for east_m, north_m in places_m})
-    return build_convex_hull(ordered, 1e-9)
+    return geometry.build_convex_hull(ordered, 1e-9)
 
 
 def simplify_polygon(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> tuple[Corner, ...]:
@@ -168,9 +161,9 @@ class FenceOutline:
         """Return (m,) whether a vehicle may be at (m, 2) places, as far as this shape goes."""
         corners_m = np.array(self.corners_m)
         if self.radius_m is None:
-            inside = is_enclosed(places_m, corners_m, np.roll(corners_m, -1, axis=0))
+            inside = geometry.is_enclosed(places_m, corners_m, np.roll(corners_m, -1, axis=0))
         else:
-            inside = distances_between_m(places_m, corners_m)[:, 0] <= self.radius_m
+            inside = geometry.distances_between_m(places_m, corners_m)[:, 0] <= self.radius_m
         return np.asarray(inside != self.keeps_out)
 
 
@@ -196,7 +189,7 @@ def find_first_outside(shapes: Sequence[FenceOutline], way_m: Sequence[Corner], 
     Both autopilots want a vehicle inside every inclusion and outside every exclusion.
     """
     for leg in itertools.pairwise(way_m):
-        places_m = sample_leg(np.array(leg), step_m)
+        places_m = geometry.sample_leg(np.array(leg), step_m)
         outside = places_m[~np.all([np.ones(len(places_m)), *(shape.is_allowed(places_m) for shape in shapes)], axis=0)]
         if len(outside):
             return float(outside[0, 0]), float(outside[0, 1])
@@ -214,7 +207,7 @@ def _iterate_edges(corners: Sequence[Corner]) -> Iterable[tuple[Corner, Corner]]
 
 def _is_inside_convex(corners: Sequence[Corner], place: Corner, slack_m: float) -> bool:
     return all(
-        parallelogram_area_m2(one, other, place) >= -slack_m * math.dist(one, other)
+        geometry.parallelogram_area_m2(one, other, place) >= -slack_m * math.dist(one, other)
         for one, other in _iterate_edges(corners)
     )
 
@@ -231,7 +224,7 @@ def _find_edge_removal(corners: Sequence[Corner], index: int) -> tuple[float, in
         return None  # its neighbours meet on the other side, or nowhere
     share = ((after[0] - before[0]) * onward[1] - (after[1] - before[1]) * onward[0]) / turn
     corner = (before[0] + share * ahead[0], before[1] + share * ahead[1])
-    return abs(parallelogram_area_m2(one, corner, other)), index, corner
+    return abs(geometry.parallelogram_area_m2(one, corner, other)), index, corner
 
 
 def _to_e7(frame: LocalFrame, corner: Corner) -> tuple[int, int]:

@@ -122,7 +122,6 @@ def _apply_flat_ground(network: Network) -> Network:
 
 
 def _describe_lacking(pylons: Sequence[Pylon], network: Network) -> str:
-    """Return how many pylons lack something, and the first few."""
     count, total = len(pylons), len(network.pylons)
     names = ", ".join(repr(pylon.id) for pylon in pylons[:NAMED]) + (", ..." if count > NAMED else "")
     return f"which {count} of {total} {'lacks' if count == 1 else 'lack'}: {names}"

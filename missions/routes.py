@@ -205,7 +205,6 @@ class _PathBuilder:
         return np.array([*place_m, self.setup.layers.height_m(self.vehicle, *place_m) - below_m])
 
     def _add_captures(self, waypoint: Waypoint, look: PylonCameraTask, stop: PylonStop) -> Waypoint:
-        """Return the waypoint of a stop with what cameras do there."""
         home_up_m = self.setup.frame.up_m(self.setup.pad_of(self.vehicle).alt_m)
         east_m, north_m, up_m = look.target_m
         region = Region(*self.setup.frame.to_wgs84_deg(east_m, north_m), up_m - home_up_m) if look.roi else None

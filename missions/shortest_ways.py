@@ -224,7 +224,6 @@ class VisibilityGraph:
         return ways
 
     def _find_blocked(self, places: Sequence[Place]) -> set[Place]:
-        """Return which places are in an obstacle."""
         every = list(dict.fromkeys(places))
         inside = self.is_inside(np.array(every).reshape(-1, 2))
         return {place for place, within in zip(every, inside.tolist(), strict=True) if within}
@@ -245,7 +244,6 @@ class VisibilityGraph:
         return np.array([way_m is None for way_m in ways], dtype=np.bool_)
 
     def _add_visibility_from(self, places: Sequence[Place]) -> None:
-        """Find out which nodes are seen from places outside, and remember it."""
         if len(self._seen) > REMEMBERED:
             self._seen.clear()
             self._reached.clear()

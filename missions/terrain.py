@@ -132,7 +132,6 @@ class Elevation:
     """Of all cells: two of the same digest are the same ground."""
 
     def __post_init__(self) -> None:
-        """Take the digest."""
         whole = hashlib.sha256(f"{self.frame.lat_deg} {self.frame.lon_deg} {self.uncertainty_m}".encode())
         for tile in self.tiles:
             for part in (tile.heights_m, tile.highest_m, tile.lattice):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import Annotated, Any, get_origin
 
 import numpy as np
 from pydantic import (
@@ -42,20 +42,11 @@ IdSet = Annotated[frozenset[Id], PlainSerializer(sorted, return_type=list[Id])]
 NameSet = Annotated[frozenset[str], PlainSerializer(sorted, return_type=list[str])]
 
 _KINDS = {
-    "bool_parsing": "true or false",
-    "bool_type": "true or false",
-    "dataclass_type": "keys with values",
-    "dict_type": "keys with values",
-    "float_parsing": "a number",
-    "float_type": "a number",
-    "int_from_float": "a whole number",
-    "int_parsing": "a whole number",
-    "int_type": "a whole number",
-    "model_type": "keys with values",
-    "string_type": "a text",
-    "string_unicode": "a text",
-    "tuple_type": "a list",
-}
+    "bool_parsing": "true or false", "bool_type": "true or false", "dataclass_type": "keys with values",
+    "dict_type": "keys with values", "float_parsing": "a number", "float_type": "a number",
+    "int_from_float": "a whole number", "int_parsing": "a whole number", "int_type": "a whole number",
+    "model_type": "keys with values", "string_type": "a text", "string_unicode": "a text", "tuple_type": "a list",
+}  # fmt: skip
 """What pydantic calls an error, where its own words are a programmer's."""
 
 
@@ -84,13 +75,15 @@ def _to_array(lists: object) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def one_of(names: Iterable[str]) -> GetPydanticSchema:
     """Return what a text of a document may be: one of these."""
-    return GetPydanticSchema(lambda *_: core_schema.literal_schema(list(names)))
+    known = list(names)
+    return GetPydanticSchema(lambda *_: core_schema.literal_schema(known))
 
 
 def document_of(kind: type[object]) -> GetPydanticSchema:
-    """Return that an object is what a type has written and checked already: in schemas it is the type's."""
+    """Return that an object, or a list, is what a type has written and checked already: in schemas it is the type's."""
+    schema = core_schema.list_schema() if get_origin(kind) is tuple else core_schema.dict_schema()
     return GetPydanticSchema(
-        lambda _kind, _handler: core_schema.dict_schema(),
+        lambda _kind, _handler: schema,
         lambda _schema, handler: handler(TypeAdapter(kind).core_schema),
     )
 

@@ -15,15 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from missions import clearance
 from missions.cameras import PylonCameraTask, Viewpoint
-from missions.clearance import (
-    BESIDE_M,
-    ClearanceShortfall,
-    PowerLines,
-    find_line_shortfall,
-    find_terrain_shortfall,
-    lines_of,
-)
 from missions.errors import SafetyError
 from missions.flight_model import Performance
 from missions.geo import FloatArray
@@ -122,7 +115,7 @@ def build_pylon_tasks(
         setup: Heights and pads, over a network with an asset for each wish.
         wished: These.
     """
-    lines, looks, higher = lines_of(setup, wished), {}, []
+    lines, looks, higher = clearance.lines_of(setup, wished), {}, []
     for segment, wish in wished.items():
         around = _ViewpointPlanner(setup, lines, wish)
         looks[segment] = around.build_task()
@@ -133,7 +126,7 @@ def build_pylon_tasks(
 class _ViewpointPlanner:
     """The viewpoints of one pylon over what is there."""
 
-    def __init__(self, setup: FlightSetup, lines: PowerLines | None, wish: ViewpointRequest) -> None:
+    def __init__(self, setup: FlightSetup, lines: clearance.PowerLines | None, wish: ViewpointRequest) -> None:
         self._setup, self._lines, self._wish = setup, lines, wish
         self._pylon = setup.network.pylons[wish.pylon]
         self._top_m = 0.0  # on a flat site flights are over the depot's ground
@@ -184,12 +177,14 @@ class _ViewpointPlanner:
         ends = np.array([(*end.place_m, surface.height_m(*end.place_m) - end.below_m) for end in (one, other)])
         return sample_leg(ends, STEP_M)
 
-    def _find_shortfall(self, places_m: FloatArray) -> ClearanceShortfall | None:
+    def _find_shortfall(self, places_m: FloatArray) -> clearance.ClearanceShortfall | None:
         """Return what is worst about (m, 3) places over lines and ground; None if nothing is."""
         places_m = places_m - (0.0, 0.0, SPARE_M)
-        low = find_terrain_shortfall(self._setup, places_m)
+        low = clearance.find_terrain_shortfall(self._setup, places_m)
         if low is None and self._lines is not None:
-            return find_line_shortfall(self._lines, self._setup, places_m, beside_m=BESIDE_M + SPARE_M)
+            return clearance.find_line_shortfall(
+                self._lines, self._setup, places_m, beside_m=clearance.BESIDE_M + SPARE_M
+            )
         return low
 
 

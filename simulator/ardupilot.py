@@ -88,6 +88,7 @@ class ArduPilot(Autopilot):
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
         store = ArduPilotStore(_build_home_item(home), vehicle.transfer_patience_s)
         super().__init__(vehicle, MANNERS, (store,), home)
+        self.mode = Mode.STABILIZE
         self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.execute_payload_command)
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0

@@ -423,7 +423,6 @@ class Autopilot(ABC):
         """React to a person who moves the sticks: here they move nothing."""
 
     def _is_mission_locked(self) -> bool:
-        """Return whether the mission may not be cleared."""
         return False
 
     # One step.
@@ -520,7 +519,8 @@ class Autopilot(ABC):
     def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
         """Answer questions; what is an answer itself gets none, nor does what is asked of files that are not here."""
         if isinstance(body, messages.Timesync) and body.tc1 == 0:
-            self.voice.send([messages.build_timesync(self.boot_ms, body.ts1)], self._asking)
+            answer = messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)
+            self.voice.send([answer], self._asking)
         if isinstance(body, messages.Ping) and body.target_sysid == 0:
             self.voice.send([messages.build_ping_answer(body, sender)], self._asking)
 

@@ -107,13 +107,9 @@ class Gimbal:
 
 
 _RANGES = {
-    "roll_min": 0.0,
-    "roll_max": 0.0,
-    "pitch_min": DOWN_RAD,
-    "pitch_max": UP_RAD,
-    "yaw_min": -math.pi,
+    "roll_min": 0.0, "roll_max": 0.0, "pitch_min": DOWN_RAD, "pitch_max": UP_RAD, "yaw_min": -math.pi,
     "yaw_max": math.pi,
-}
+}  # fmt: skip
 
 
 def quaternion_from_euler(pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
@@ -213,7 +209,6 @@ class Payload:
     boot_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Mount the cameras."""
         self.units = [CameraUnit(config) for config in self.vehicle.cameras]
         self.gimbal = Gimbal() if any(config.gimbal for config in self.vehicle.cameras) else None
         self._rng = random.Random(f"{self.vehicle.seed}:{self.vehicle.name}:cameras")
@@ -241,7 +236,6 @@ class Payload:
         return True
 
     def _point_gimbal(self, number: int, params: Sequence[float]) -> None:
-        """Do what an item says of where to look."""
         self.region = None
         if number == Item.DO_SET_ROI_LOCATION:
             self.region = self.home.place_of(int(params[4]), int(params[5]), params[6])
@@ -251,7 +245,6 @@ class Payload:
             self.gimbal.wanted, self.gimbal.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
 
     def _command_camera(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
-        """Have one camera do what an item for cameras says."""
         match number:
             case Item.VIDEO_START_CAPTURE:
                 unit.filming_s = self.now_s
@@ -343,11 +336,6 @@ class Payload:
         pitch_rad = math.atan2(region.up_m - self.body.up_m, math.hypot(east_m, north_m))
         self.gimbal.wanted, self.gimbal.from_north = (math.degrees(pitch_rad), math.degrees(bearing_rad)), True
 
-    def reboot(self) -> None:
-        """Forget what a restart of the autopilot forgets."""
-        self.every_m = 0.0
-        self.region = None
-
     # What comes out.
 
     def drain(self) -> list[ComponentMessage]:
@@ -368,7 +356,6 @@ class Payload:
         self._said.append(ComponentMessage(unit.config.id, message))
 
     def _trigger(self) -> None:
-        """Let the autopilot trigger all that it triggers."""
         number, self._triggers = self._triggers, self._triggers + 1
         usec = round((self.now_s - self.boot_s) * 1e6)
         taken = [(unit, self._take_picture(unit)) for unit in self.units]
@@ -419,7 +406,6 @@ class Payload:
         return True
 
     def _look_angles_deg(self, unit: CameraUnit) -> tuple[float, float]:
-        """Return the pitch from the horizon and the bearing of a camera's look."""
         yaw_deg = math.degrees(self.body.yaw_rad)
         if unit.config.gimbal and self.gimbal is not None:
             return self.gimbal.pitch_deg, (yaw_deg + self.gimbal.yaw_deg) % 360
@@ -473,7 +459,6 @@ def format_picture_name(number: int) -> str:
 
 
 def _to_padded_bytes(text: str, length: int) -> list[int]:
-    """Return a text as an array of bytes, filled up with zeros."""
     return list(text.encode()[: length - 1].ljust(length, b"\0"))
 
 

@@ -13,6 +13,8 @@ from simulator.fault_kinds import ALL_VEHICLES, Injection, check_modes
 
 LOOPBACK = "127.0.0.1"
 OTHER_STATION = 254
+PX4_RATE_BYTES_S = 1200.0
+"""MAV_0_RATE as PX4 comes, on a telemetry radio."""
 EVERY_ADDRESS = "0.0.0.0"  # noqa: S104 - a ground station elsewhere is only reached from here
 
 
@@ -37,15 +39,16 @@ def parse_vehicle_endpoint(connection: str) -> Endpoint:
     """Return the vehicle's side of a connection string that is written for the ground station.
 
     ``udpin://HOST:PORT`` means that the ground station listens there, so the vehicle calls it; ``udpout://HOST:PORT``
-    means that the ground station calls there, so the vehicle listens.
+    means that the ground station calls there, so the vehicle listens; with port 0 the system chooses where.
 
     Raises:
         EndpointError: any other string.
     """
     scheme, separator, rest = connection.partition("://")
     host, colon, port_text = rest.rpartition(":")
-    port = int(port_text) if port_text.isascii() and port_text.isdigit() else 0
-    if not (separator and colon and scheme in {"udpin", "udpout"} and 0 < port < 65536):
+    port = int(port_text) if port_text.isascii() and port_text.isdigit() else -1
+    least = {"udpin": 1, "udpout": 0}.get(scheme)
+    if not (separator and colon and least is not None and least <= port < 65536):
         raise EndpointError(
             f"connection {connection!r} cannot be simulated: expected udpin://HOST:PORT or udpout://HOST:PORT"
         )
@@ -153,17 +156,26 @@ class SimFleet:
             FleetError: several vehicles would have to listen on one port.
             FaultSpecError: a fault names a vehicle that is not there.
         """
-        names = [vehicle.name for vehicle in self.vehicles]
         every = [connection for one in self.vehicles for connection in one.connections]
-        listen = [connection for connection in every if parse_vehicle_endpoint(connection).target is None]
+        own = [parse_vehicle_endpoint(connection) for connection in every]
+        listen = [connection for connection, one in zip(every, own, strict=True) if one.target is None and one.bind[1]]
         for connection in listen:
             if listen.count(connection) > 1:
                 raise FleetError(f"connection {connection} belongs to more than one vehicle")
         for fault in self.faults:
-            if fault.vehicle not in {ALL_VEHICLES, *names}:
-                known = ", ".join([ALL_VEHICLES, *names])
-                raise FaultSpecError(f"fault {fault.spec!r}: no vehicle {fault.vehicle!r}, expected one of {known}")
-            for vehicle in self.vehicles:
-                check_modes(fault, vehicle.name, vehicle.autopilot.value)
-                if fault.vehicle in {ALL_VEHICLES, vehicle.name} and fault.link > len(vehicle.connections):
-                    raise FaultSpecError(f"fault {fault.spec!r}: {vehicle.name} has {len(vehicle.connections)} link")
+            self.check_fault(fault)
+
+    def check_fault(self, fault: Injection) -> None:
+        """Check that a fault finds its vehicle.
+
+        Raises:
+            FaultSpecError: it names a vehicle, a link or a mode that is not there.
+        """
+        names = [ALL_VEHICLES, *(vehicle.name for vehicle in self.vehicles)]
+        if fault.vehicle not in names:
+            known = ", ".join(names)
+            raise FaultSpecError(f"fault {fault.spec!r}: no vehicle {fault.vehicle!r}, expected one of {known}")
+        for vehicle in self.vehicles:
+            check_modes(fault, vehicle.name, vehicle.autopilot.value)
+            if fault.vehicle in {ALL_VEHICLES, vehicle.name} and fault.link > len(vehicle.connections):
+                raise FaultSpecError(f"fault {fault.spec!r}: {vehicle.name} has {len(vehicle.connections)} link")

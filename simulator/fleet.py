@@ -100,23 +100,13 @@ class _Line:
     """One of a vehicle's links: what is sent over it is numbered anew, and it may be bad by itself."""
 
     def __init__(self, vehicle: SimVehicle, number: int, components: frozenset[int], radio: Radio | None) -> None:
-        self.radio, self.codec = radio, _make_codec(vehicle, components)
-        self.components = {
-            one: Codec(vehicle.sysid, component=one, signing=vehicle.signing) for one in (*components, GIMBAL)
-        }
+        self.radio, signing, ardupilot = radio, vehicle.signing, vehicle.autopilot is AutopilotKind.ARDUPILOT
+        self.codec = Codec(vehicle.sysid, every_component=ardupilot, signing=signing, others=components)
+        self.components = {one: Codec(vehicle.sysid, component=one, signing=signing) for one in (*components, GIMBAL)}
         """Of cameras and the gimbal, which number their frames for themselves."""
         self.condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}" + (f":{number}" if number else ""))
         self.up, self.down = Channel(self.condition, rng), Channel(self.condition, rng)
-
-
-def _make_codec(vehicle: SimVehicle, components: frozenset[int]) -> Codec:
-    return Codec(
-        vehicle.sysid,
-        every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
-        signing=vehicle.signing,
-        others=components,
-    )
 
 
 class SimulatedVehicle:
@@ -145,6 +135,8 @@ class SimulatedVehicle:
         """Another ground station's transmitter, once it is there."""
         self._station_beat_s = 0.0
         self._now_s = 0.0
+        self.tap: Callable[[bytes, bool], None] | None = None
+        """Is shown what ground stations send (True), and what has reached them (False)."""
         self._inject()
 
     @property
@@ -164,6 +156,8 @@ class SimulatedVehicle:
 
     def receive(self, datagram: bytes, link: int = 0) -> None:
         """Take a datagram from a ground station over one of its links; an answer may be ready at once."""
+        if self.tap is not None:
+            self.tap(datagram, True)
         line = self._lines[link]
         if line.radio is not None:
             line.radio.send(self._place, datagram, self._now_s, up=True)
@@ -189,12 +183,15 @@ class SimulatedVehicle:
         """Take away the datagrams that have reached the ground stations over one of its links."""
         self._collect()
         line = self._lines[link]
-        sent = line.down.take_due(self._now_s)
-        if line.radio is None:
-            return sent
-        for datagram in sent:
-            line.radio.send(self._place, datagram, self._now_s, up=False)
-        return line.radio.take(self._place, self._now_s, up=False)
+        arrived = line.down.take_due(self._now_s)
+        if line.radio is not None:
+            for datagram in arrived:
+                line.radio.send(self._place, datagram, self._now_s, up=False)
+            arrived = line.radio.take(self._place, self._now_s, up=False)
+        if self.tap is not None:
+            for datagram in arrived:
+                self.tap(datagram, False)
+        return arrived
 
     def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
         """Take away what really happened, where on the globe, and when by a machine's clock."""
@@ -345,15 +342,27 @@ MAX_LAG_S = 2.0
 """A longer stall, in real seconds, is not made up for: the vehicles' clocks lag, as those of a suspended process do."""
 
 
-class _Link(asyncio.DatagramProtocol):
-    """The socket of one of a vehicle's links."""
+class UdpLink(asyncio.DatagramProtocol):
+    """The socket of one of a vehicle's links, and who is in the same process."""
 
     def __init__(self, vehicle: SimulatedVehicle, number: int, target: Address | None) -> None:
         self.vehicle, self._number = vehicle, number
-        self._target = target
+        self.target = target
+        """Whom it sends to unasked."""
+        self.listeners: list[Callable[[bytes], None]] = []
+        """Who hears it without a socket."""
+        self.heard = 0
+        """Datagrams that came."""
+        self._loop = asyncio.get_running_loop()
         self._heard_s: dict[Address, float] = {}
         self._transport: asyncio.DatagramTransport | None = None
         self._closed = asyncio.Event()
+
+    @property
+    def address(self) -> Address:
+        """Where it listens; the system has chosen the port if none was asked for."""
+        host, port = ("", 0) if self._transport is None else self._transport.get_extra_info("sockname")
+        return host, port
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Note the socket."""
@@ -362,7 +371,12 @@ class _Link(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
         """Hear a ground station, and answer at once."""
-        self._heard_s[addr] = time.monotonic()
+        self._heard_s[addr] = self._loop.time()
+        self.receive(data)
+
+    def receive(self, data: bytes) -> None:
+        """Hear somebody in the same process."""
+        self.heard += 1
         self.vehicle.receive(data, self._number)
         self.flush()
 
@@ -374,13 +388,16 @@ class _Link(asyncio.DatagramProtocol):
         datagrams = self.vehicle.drain(self._number)
         if not datagrams or self._transport is None:
             return
-        oldest_s = time.monotonic() - PEER_S
+        oldest_s = self._loop.time() - PEER_S
         peers = {addr for addr, heard_s in self._heard_s.items() if heard_s >= oldest_s}
-        if self._target is not None:
-            peers.add(self._target)
+        if self.target is not None:
+            peers.add(self.target)
         for addr in peers:
             for datagram in datagrams:
                 self._transport.sendto(datagram, addr)
+        for hear in self.listeners:
+            for datagram in datagrams:
+                self._loop.call_soon(hear, datagram)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
         """Note that the socket is closed."""
@@ -442,33 +459,56 @@ async def run_fleet(
     Raises:
         OSError: a port is taken.
     """
-    loop = asyncio.get_running_loop()
-    links: list[_Link] = []
     vehicles = build_vehicles(fleet)
+    async with open_sockets(fleet, vehicles) as links:
+        await fly_vehicles(fleet, links, stop=stop, on_truth=on_truth, ready=ready, watched=watched)
+
+
+@asynccontextmanager
+async def open_sockets(fleet: SimFleet, vehicles: Sequence[SimulatedVehicle]) -> AsyncIterator[list[UdpLink]]:
+    """Give the vehicles of a fleet their sockets, one for each link, in their order.
+
+    Raises:
+        OSError: a port is taken.
+    """
+    loop = asyncio.get_running_loop()
+    links: list[UdpLink] = []
     try:
         for config, vehicle in zip(fleet.vehicles, vehicles, strict=True):
             for number, endpoint in enumerate(map(parse_vehicle_endpoint, config.connections)):
-                link = _Link(vehicle, number, endpoint.target)
+                link = UdpLink(vehicle, number, endpoint.target)
                 await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
                 links.append(link)
-        clock = SimClock(fleet.speedup, monotonic_s=time.monotonic(), unix_s=time.time())
-        async with _keep_common_time(fleet, clock) as stations:
-            if ready is not None:
-                ready.set()
-            await _fly(vehicles, links, clock, stations, stop, on_truth, watched)
+        yield links
     finally:
         for link in links:
             await link.close()
 
 
+async def fly_vehicles(
+    fleet: SimFleet,
+    links: Sequence[UdpLink],
+    *,
+    stop: asyncio.Event,
+    on_truth: Callable[[Truth], None],
+    ready: asyncio.Event | None = None,
+    watched: Callable[[Sequence[SimulatedVehicle]], None] = lambda _: None,
+) -> None:
+    """Do what `run_fleet` does, for vehicles that have their sockets; time is that of the running loop."""
+    clock = SimClock(fleet.speedup, monotonic_s=asyncio.get_running_loop().time(), unix_s=time.time())
+    _, port = links[0].target or links[0].address
+    async with _keep_common_time(fleet.speedup, clock, port) as stations:
+        if ready is not None:
+            ready.set()
+        await _fly(links, clock, stations, stop, on_truth, watched)
+
+
 @asynccontextmanager
-async def _keep_common_time(fleet: SimFleet, clock: SimClock) -> AsyncIterator[Stations]:
-    """Keep the time together with those who ask for it, unless it is real time."""
-    stations = Stations(fleet.speedup, clock.unix_s)
+async def _keep_common_time(speedup: float, clock: SimClock, port: int) -> AsyncIterator[Stations]:
+    """Keep the time together with those who ask for it at a port, unless it is real time."""
+    stations = Stations(speedup, clock.unix_s)
     server: asyncio.Server | None = None
-    if fleet.speedup > 1:
-        endpoint = parse_vehicle_endpoint(fleet.vehicles[0].connections[0])
-        _, port = endpoint.target or endpoint.bind
+    if speedup > 1:
         with suppress(OSError):  # the port is another program's: the time is the fleet's own, as for any ground station
             server = await stations.open(port)
     try:
@@ -480,37 +520,46 @@ async def _keep_common_time(fleet: SimFleet, clock: SimClock) -> AsyncIterator[S
 
 
 async def _fly(
-    vehicles: Sequence[SimulatedVehicle],
-    links: Sequence[_Link],
+    links: Sequence[UdpLink],
     clock: SimClock,
     stations: Stations,
     stop: asyncio.Event,
     on_truth: Callable[[Truth], None],
     watched: Callable[[Sequence[SimulatedVehicle]], None],
 ) -> None:
+    loop = asyncio.get_running_loop()
     tick_s = min(max(STEP_S / stations.speedup, TICK_S[0]), TICK_S[1])
     lived_s = 0.0
     while not stop.is_set():
         stations.moved.clear()
-        due_s = clock.now_s(lived_s, time.monotonic(), dated=not stations.ever)
+        due_s = clock.now_s(lived_s, loop.time(), dated=not stations.ever)
         behind = due_s - lived_s > CHUNK_STEPS * STEP_S
         wanted_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
         # It may have lived further while a ground station was stopped.
         until_s = max(lived_s, stations.safe_time_s())
         lived_s = min(wanted_s, until_s)
-        for vehicle in vehicles:
-            vehicle.advance(lived_s)
-            for truth in vehicle.drain_truths(clock.unix_s):
-                on_truth(truth)
-            for link in links:
-                if link.vehicle is vehicle:
-                    link.flush()
-        watched(vehicles)
+        watched(live_until(links, lived_s, clock.unix_s, on_truth))
         stations.send_time(lived_s)
         if lived_s < wanted_s:
             await _pause(stations.moved, LOOK_REAL_S / 5)
         else:
             await _pause(stop, 0.0 if behind else tick_s)
+
+
+def live_until(
+    links: Sequence[UdpLink], until_s: float, unix_s: Callable[[float], float], on_truth: Callable[[Truth], None]
+) -> list[SimulatedVehicle]:
+    """Let the vehicles behind links live until a simulated time, and say what they have to say; returns them."""
+    of_vehicles: dict[SimulatedVehicle, list[UdpLink]] = {}
+    for link in links:
+        of_vehicles.setdefault(link.vehicle, []).append(link)
+    for vehicle, own in of_vehicles.items():
+        vehicle.advance(until_s)
+        for truth in vehicle.drain_truths(unix_s):
+            on_truth(truth)
+        for link in own:
+            link.flush()
+    return list(of_vehicles)
 
 
 async def _pause(end: asyncio.Event, seconds: float) -> None:

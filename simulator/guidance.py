@@ -225,7 +225,6 @@ def _landing_speed_m_s(goal: Land, up_m: float) -> float:
 
 
 def _approach_velocity_m_s(place: Place, body: Body, limits: Limits) -> tuple[float, float]:
-    """Return the horizontal velocity that ends at rest over a point."""
     east, north = place.east_m - body.east_m, place.north_m - body.north_m
     left_m = math.hypot(east, north)
     if left_m < 1e-6:
@@ -235,14 +234,12 @@ def _approach_velocity_m_s(place: Place, body: Body, limits: Limits) -> tuple[fl
 
 
 def _vertical_speed_m_s(up_m: float, body: Body, limits: Limits) -> float:
-    """Return the vertical velocity that ends at rest at a height."""
     error_m = up_m - body.up_m
     braking = math.sqrt(2 * BRAKE_MARGIN * limits.vertical_m_s2 * abs(error_m))
     return math.copysign(min(HEIGHT_PER_S * abs(error_m), braking), error_m)
 
 
 def _stopping_speed_m_s(left_m: float, exit_m_s: float, limits: Limits) -> float:
-    """Return the speed from which ``exit_m_s`` can be reached in ``left_m``."""
     braking = math.sqrt(exit_m_s**2 + 2 * BRAKE_MARGIN * limits.brake_m_s2 * max(left_m, 0.0))
     return min(braking, exit_m_s + NEAR_PER_S * max(left_m, 0.0))
 

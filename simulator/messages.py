@@ -345,11 +345,6 @@ def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
     )  # fmt: skip
 
 
-def build_timesync(boot_ms: int, asked: int) -> Outbound:
-    """Return the answer to a TIMESYNC."""
-    return build_message("TIMESYNC", tc1=boot_ms * 1_000_000, ts1=asked)
-
-
 def build_ping_answer(ping: Ping, to: Peer) -> Outbound:
     """Return the answer to a PING."""
     return build_message(

@@ -21,21 +21,13 @@ LATE_SLOWDOWN_M = 22.5
 NEVER_SLOWS_M = 2 * LATE_SLOWDOWN_M
 """On a leg this short the slow-down never comes: 40 m took 9.6 s."""
 NAMES = {
-    Command.NAV_WAYPOINT: "WP",
-    Command.NAV_RETURN_TO_LAUNCH: "RTL",
-    Command.NAV_LAND: "Land",
-    Command.NAV_TAKEOFF: "Takeoff",
-    Command.DO_CHANGE_SPEED: "ChangeSpeed",
-    Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
-    Command.DO_SET_ROI_LOCATION: "SetROILocation",
-    Command.DO_SET_ROI_NONE: "SetROINone",
-    Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst",
-    Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
-    Command.IMAGE_START_CAPTURE: "ImageStartCapture",
-    Command.IMAGE_STOP_CAPTURE: "ImageStopCapture",
-    Command.VIDEO_START_CAPTURE: "VideoStartCapture",
-    Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
-}
+    Command.NAV_WAYPOINT: "WP", Command.NAV_RETURN_TO_LAUNCH: "RTL", Command.NAV_LAND: "Land",
+    Command.NAV_TAKEOFF: "Takeoff", Command.DO_CHANGE_SPEED: "ChangeSpeed", Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
+    Command.DO_SET_ROI_LOCATION: "SetROILocation", Command.DO_SET_ROI_NONE: "SetROINone",
+    Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst", Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
+    Command.IMAGE_START_CAPTURE: "ImageStartCapture", Command.IMAGE_STOP_CAPTURE: "ImageStopCapture",
+    Command.VIDEO_START_CAPTURE: "VideoStartCapture", Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
+}  # fmt: skip
 PASS_S = 0.4
 """A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
 SETTLES_S = 0.4
@@ -213,7 +205,6 @@ class ArduPilotMission:
         return max(self.index, 1)
 
     def _find_nav_seq(self, seq: int) -> int | None:
-        """Return the first item from ``seq`` that moves the vehicle."""
         while (item := self._store.item_at(seq)) is not None:
             if item.command not in DONE_IN_PASSING:
                 return seq
@@ -221,7 +212,6 @@ class ArduPilotMission:
         return None
 
     def _start(self, seq: int, *, restarted: bool = False) -> None:
-        """Execute the DO items from ``seq`` and fly the next that moves."""
         self._state = MissionState.ACTIVE
         self._paused = self._nothing_left = False
         seq = self._execute_do_items(seq)

@@ -46,23 +46,7 @@ class FilePart:
     keeps_rest: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Board:
-    """The mission on board, as files know it."""
-
-    items: Sequence[MissionItem]
-    put: Callable[[FilePart], None]
-    """Takes what a file that was closed wants to have in place."""
-
-
-@dataclass(slots=True)
-class _Answer:
-    """The last answer: it is repeated to a request that comes again."""
-
-    to: Peer
-    session: int
-    number: int
-    frame: Outbound
+Put = Callable[[FilePart], None]
 
 
 class MissionFileServer:
@@ -72,46 +56,51 @@ class MissionFileServer:
         self._open: bytearray | None = None
         self._session = -1
         self._answered_s = float("-inf")
-        self._last: _Answer | None = None
+        self._last: tuple[tuple[Peer, int, int], Outbound] | None = None
+        """To whom the last answer went, in which session and to which request: to the same again it is repeated."""
 
     def is_active(self, now_s: float) -> bool:
         """Return whether it sends answers just now."""
         return now_s - self._answered_s < SLOWS_S
 
-    def handle(self, request: FileRequest, sender: Peer, now_s: float, board: Board, *, refuses: bool) -> Outbound:
+    def handle(
+        self, request: FileRequest, sender: Peer, now_s: float, items: Sequence[MissionItem], put: Put, *, refuses: bool
+    ) -> Outbound:
         """Return the answer to a request.
 
         Args:
             request: Of a station.
             sender: Which.
             now_s: The time.
-            board: The mission on board.
+            items: The mission on board.
+            put: Takes what a file that was closed wants to have in place.
             refuses: Whether no file can be opened.
         """
-        last = self._last
-        if last is not None and (last.to, last.session, last.number) == (sender, request.session, request.number):
+        asked = sender, request.session, request.number
+        if self._last is not None and self._last[0] == asked:
             self._answered_s = now_s
-            return last.frame
-        answer = self._carry_out(request, now_s, board, refuses=refuses)
-        frame = _build_answer(request, sender, answer)
-        self._last = _Answer(sender, request.session, request.number, frame)
+            return self._last[1]
+        frame = _build_answer(request, sender, self._carry_out(request, now_s, items, put, refuses=refuses))
+        self._last = asked, frame
         ends = request.operation == FileOperation.TERMINATESESSION
         self._answered_s = float("-inf") if ends else now_s
         return frame
 
-    def _carry_out(self, request: FileRequest, now_s: float, board: Board, *, refuses: bool) -> bytes | Error:
+    def _carry_out(
+        self, request: FileRequest, now_s: float, items: Sequence[MissionItem], put: Put, *, refuses: bool
+    ) -> bytes | Error:
         ends = request.operation in {FileOperation.TERMINATESESSION, FileOperation.RESETSESSION}
         if request.session != self._session:
             if ends:
                 return b""
             if self._open is not None and now_s - self._answered_s < SESSION_S:
                 return Error.INVALID_SESSION
-            self._close(board.put)
+            self._close(put)
         if ends:
-            self._close(board.put)
+            self._close(put)
             return b""
         if request.operation == FileOperation.CALCFILECRC:
-            return CHECKSUM.pack(compute_checksum(board.items)) if request.data == NAME else Error.FILE_NOT_FOUND
+            return CHECKSUM.pack(compute_checksum(items)) if request.data == NAME else Error.FILE_NOT_FOUND
         if request.operation in {FileOperation.OPENFILEWO, FileOperation.CREATEFILE}:
             return self._open_file(request, refuses=refuses)
         return self._write(request) if request.operation == FileOperation.WRITEFILE else Error.FAIL
@@ -132,7 +121,7 @@ class MissionFileServer:
         self._open[request.offset : end] = request.data
         return b""
 
-    def _close(self, put: Callable[[FilePart], None]) -> None:
+    def _close(self, put: Put) -> None:
         written, self._open, self._session = self._open, None, -1
         part = None if written is None else _read_part(bytes(written))
         if part is not None:

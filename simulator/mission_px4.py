@@ -212,7 +212,6 @@ class Px4Mission:
         self._reached = None
 
     def _start(self, seq: int) -> MissionEnd | None:
-        """Execute the DO items from ``seq`` and fly the next that moves."""
         items = self._store.items
         while seq < len(items) and items[seq].command in DONE_IN_PASSING:
             if items[seq].command != Command.DO_CHANGE_SPEED:

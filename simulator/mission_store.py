@@ -9,14 +9,7 @@ from enum import Enum
 
 from missions.items import PAYLOAD, Command, Frame, MissionItem
 from missions.items import PlaceCommand as Item
-from simulator.messages import (
-    MISSION_TYPE_MISSION,
-    ItemReceived,
-    MissionResult,
-    Outbound,
-    Peer,
-    build_message,
-)
+from simulator import messages
 from simulator.physics import Home, Place
 
 DEGREES_E7 = 1e-7
@@ -34,7 +27,7 @@ class UploadFault(Enum):
 class StoreStep:
     """What the store answers, and what changed on board."""
 
-    send: tuple[Outbound, ...] = ()
+    send: tuple[messages.Outbound, ...] = ()
     texts: tuple[tuple[int, str], ...] = ()
     """(severity, text)."""
     stored: bool = False
@@ -55,7 +48,7 @@ class StoreStep:
 class Transfer:
     """An upload or a download under way."""
 
-    partner: Peer
+    partner: messages.Peer
     count: int
     heard_s: float
     """When the partner last did what moves the transfer on."""
@@ -64,7 +57,7 @@ class Transfer:
     next: int = 0
     items: list[MissionItem] = field(default_factory=list)
     """PX4's second buffer, and both autopilots' for what is no mission."""
-    kind: int = MISSION_TYPE_MISSION
+    kind: int = messages.MISSION_TYPE_MISSION
     """MAV_MISSION_TYPE."""
 
     def is_stalled(self, fault: UploadFault) -> bool:
@@ -72,7 +65,7 @@ class Transfer:
         return fault is UploadFault.HALF and self.next >= self.count // 2
 
 
-def to_item(received: ItemReceived) -> MissionItem:
+def to_item(received: messages.ItemReceived) -> MissionItem:
     """Return the item as data."""
     return MissionItem(
         received.seq, received.frame, received.command, *received.params, received.x, received.y, received.z,
@@ -102,15 +95,15 @@ def is_relative(item: MissionItem) -> bool:
 
 
 def acknowledge(
-    partner: Peer,
-    result: MissionResult,
-    kind: int = MISSION_TYPE_MISSION,
+    partner: messages.Peer,
+    result: messages.MissionResult,
+    kind: int = messages.MISSION_TYPE_MISSION,
     texts: tuple[tuple[int, str], ...] = (),
     *,
     opaque_id: int = 0,
 ) -> StoreStep:
     """Return a step that answers with MISSION_ACK, and says so much to everybody."""
-    ack = build_message(
+    ack = messages.build_message(
         "MISSION_ACK", target_system=partner.sysid, target_component=partner.compid, type=int(result),
         mission_type=kind, opaque_id=opaque_id,
     )  # fmt: skip
@@ -118,32 +111,34 @@ def acknowledge(
 
 
 def build_mission_count(
-    partner: Peer, count: int, opaque_id: int = 0, mission_type: int = MISSION_TYPE_MISSION
-) -> Outbound:
+    partner: messages.Peer, count: int, opaque_id: int = 0, mission_type: int = messages.MISSION_TYPE_MISSION
+) -> messages.Outbound:
     """Return a MISSION_COUNT."""
-    return build_message(
+    return messages.build_message(
         "MISSION_COUNT", target_system=partner.sysid, target_component=partner.compid, count=count,
         mission_type=mission_type, opaque_id=opaque_id,
     )  # fmt: skip
 
 
-def build_mission_request(name: str, partner: Peer, seq: int, mission_type: int = MISSION_TYPE_MISSION) -> Outbound:
+def build_mission_request(
+    name: str, partner: messages.Peer, seq: int, mission_type: int = messages.MISSION_TYPE_MISSION
+) -> messages.Outbound:
     """Return a MISSION_REQUEST or MISSION_REQUEST_INT."""
-    return build_message(
+    return messages.build_message(
         name, target_system=partner.sysid, target_component=partner.compid, seq=seq, mission_type=mission_type
     )
 
 
 def build_mission_item(
-    partner: Peer, item: MissionItem, *, integer: bool, mission_type: int = MISSION_TYPE_MISSION
-) -> Outbound:
+    partner: messages.Peer, item: MissionItem, *, integer: bool, mission_type: int = messages.MISSION_TYPE_MISSION
+) -> messages.Outbound:
     """Return a MISSION_ITEM_INT, or the older MISSION_ITEM in degrees."""
     placed = item.frame != Frame.MISSION
     x: int | float = item.x
     y: int | float = item.y
     if not integer and placed:
         x, y = item.x * DEGREES_E7, item.y * DEGREES_E7
-    return build_message(
+    return messages.build_message(
         "MISSION_ITEM_INT" if integer else "MISSION_ITEM",
         target_system=partner.sysid, target_component=partner.compid, seq=item.seq, frame=item.frame,
         command=item.command, current=int(item.current), autocontinue=int(item.autocontinue), param1=item.param1,

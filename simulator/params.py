@@ -33,7 +33,6 @@ class Param:
 
 
 def _build_table(**values: Mapping[str, float]) -> dict[str, Param]:
-    """Return defaults from their values by kind."""
     return {name: Param(value, ParamKind[kind.upper()]) for kind, own in values.items() for name, value in own.items()}
 
 
@@ -121,8 +120,11 @@ class ParamTable:
         """What it does not answer for, as a firmware that does not have it."""
 
     def __getitem__(self, name: str) -> float:
-        """Return the value of a parameter that the dialect has."""
         return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names."""
+        return iter(self._names)
 
     def __setitem__(self, name: str, value: float) -> None:
         """Have another value from now on, as after a boot that lost one; unknown names are refused.

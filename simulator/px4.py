@@ -7,22 +7,13 @@ from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import ClassVar
 
-from simulator import messages
+from simulator import messages, mission_store
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
 from simulator.leg_trajectories import HEIGHT_M, JERK, UP
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
-from simulator.mission_store import (
-    FenceShape,
-    StoreStep,
-    build_fence_shapes,
-    find_return_destination,
-    has_place,
-    is_inside,
-    place_of,
-)
 from simulator.physics import ALONE, GPS_BIT, Home, Limits, Place
 from simulator.store_px4 import Px4Store
 
@@ -126,7 +117,7 @@ class Px4(Autopilot):
         """A failsafe's hold, and what follows it when."""
         self._charge_state = 1
         self._landed_state = messages.LandedState.ON_GROUND
-        self._shapes: tuple[FenceShape, ...] = ()
+        self._shapes: tuple[mission_store.FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence."""
         self.mission.left_fence_at = self._find_item_outside_fence
@@ -233,7 +224,7 @@ class Px4(Autopilot):
             messages.Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)"
         )
         speed_m_s = min(max(self.params["MPC_XY_CRUISE"], 0.1), self.params["MPC_XY_VEL_MAX"])
-        to = find_return_destination(self._store.rally, self.home, body.place)
+        to = mission_store.find_return_destination(self._store.rally, self.home, body.place)
         pad = body.place if body.on_ground else to
         linger_s = max(self.params["RTL_LAND_DELAY"], 0.0)
         land = land_goal(pad, self.params)
@@ -297,7 +288,7 @@ class Px4(Autopilot):
 
     def _on_home_moved(self) -> None:
         if self._shapes:
-            self._shapes = tuple(build_fence_shapes(self._store.fence, self.home))
+            self._shapes = tuple(mission_store.build_fence_shapes(self._store.fence, self.home))
 
     def _on_armed(self) -> None:
         self._lost_gps = False
@@ -338,7 +329,7 @@ class Px4(Autopilot):
 
     # The mission on board.
 
-    def _on_mission_change(self, step: StoreStep) -> None:
+    def _on_mission_change(self, step: mission_store.StoreStep) -> None:
         if step.fenced:
             self._load_fence()
         if step.fenced or step.swapped:
@@ -404,10 +395,10 @@ class Px4(Autopilot):
         """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
         self._shapes = ()
         flies = not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0
-        for shape in build_fence_shapes(self._store.fence, self.home):
-            if not is_inside([shape], Place(0.0, 0.0, 0.0)):
+        for shape in mission_store.build_fence_shapes(self._store.fence, self.home):
+            if not mission_store.is_inside([shape], Place(0.0, 0.0, 0.0)):
                 self.voice.send_text(messages.Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
-            elif flies and not is_inside([shape], self.frame.body.place):
+            elif flies and not mission_store.is_inside([shape], self.frame.body.place):
                 self.voice.send_text(
                     messages.Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position"
                 )
@@ -415,12 +406,11 @@ class Px4(Autopilot):
                 self._shapes = (*self._shapes, shape)
 
     def _find_item_outside_fence(self) -> int | None:
-        """Return the first item of the mission that its check against the fence refuses."""
         if int(self.params["GF_ACTION"]) == 0:
             return None
         here = self.frame.body.place
         for item in self._store.items:
-            if has_place(item) and self._describe_breach(place_of(item, self.home, here)):
+            if mission_store.has_place(item) and self._describe_breach(mission_store.place_of(item, self.home, here)):
                 return item.seq
         return None
 
@@ -431,7 +421,7 @@ class Px4(Autopilot):
             return "Geofence: exceeding maximum distance to Home"
         if most_m > 0 and place.up_m >= most_m:
             return "Geofence: exceeding maximum altitude above Home"
-        return "" if is_inside(self._shapes, place) else "Geofence: approaching or outside geofence"
+        return "" if mission_store.is_inside(self._shapes, place) else "Geofence: approaching or outside geofence"
 
     def _watch_fence(self) -> None:
         """Act once at a breach: it holds first, as at any failsafe (measured)."""

@@ -128,7 +128,7 @@ def parse_radio(text: str) -> RadioSetup:
     0.15
     """
     name, colon, rest = text.strip().partition(":")
-    profile = PROFILES.get(name)
+    profile = PROFILES.get("sik" if name == "sik64" else name)
     if profile is None:
         raise SimulatorError(f"radio {text!r}: unknown profile {name!r}, expected one of {', '.join(PROFILES)}")
     key, _, value = rest.partition("=")

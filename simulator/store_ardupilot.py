@@ -1,10 +1,6 @@
 """ArduPilot's side of the mission protocol, measured on Copter 4.7-dev unless a line says otherwise.
 
-Those take effect at the last item of an upload.
-
-Measured on Copter 4.7-dev unless a line says otherwise.
-
-Measured on Copter 4.7-dev unless a line says otherwise.
+A mission changes item by item, a fence and rally points take effect at the last item of an upload.
 """
 
 from __future__ import annotations
@@ -28,7 +24,7 @@ from simulator.messages import (
     Peer,
     Severity,
 )
-from simulator.mission_file import Board, FilePart, MissionFileServer
+from simulator.mission_file import FilePart, MissionFileServer
 from simulator.mission_store import (
     StoreStep,
     Transfer,
@@ -159,7 +155,6 @@ class ArduPilotList:
         return self._comment(message, StoreStep() if stalled else self._request_next_item(upload, now_s))
 
     def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:  # noqa: ARG002 - nothing to say
-        """Return what an item that was taken leads to, with what is said of it."""
         return step
 
     def _refuse_item(self, message: ItemReceived) -> MissionResult | None:
@@ -294,8 +289,8 @@ class ArduPilotStore(ArduPilotList):
         def put(part: FilePart) -> None:
             changed.append(self._put_part(part, locked=locked))
 
-        board, refuses = Board(self.items, put), self.fault is not UploadFault.NONE
-        answer = self._files.handle(request, sender, now_s, board, refuses=refuses)
+        refuses = self.fault is not UploadFault.NONE
+        answer = self._files.handle(request, sender, now_s, self.items, put, refuses=refuses)
         step = changed[0] if changed else StoreStep()
         return replace(step, send=(answer,))
 
@@ -330,9 +325,8 @@ class ArduPilotStore(ArduPilotList):
             one.forget_transfers()
 
     def _truncate(self, count: int) -> bool:
-        self._count = min(
-            self._count, count
-        )  # measured: 0 is accepted in AUTO too, and it flies on to its old waypoint
+        # Measured: 0 is accepted in AUTO too, and it flies on to its old waypoint.
+        self._count = min(self._count, count)
         return True
 
     def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:
@@ -366,7 +360,6 @@ class ArduPilotStore(ArduPilotList):
         return replace(step, texts=() if message.integer else self._recommend_int_messages(REQUEST_ADVICE))
 
     def _recommend_int_messages(self, text: str) -> tuple[tuple[int, str], ...]:
-        """Recommend the younger messages, once."""
         if text in self._advised:
             return ()
         self._advised.add(text)

@@ -43,10 +43,9 @@ class _Lists:
     """What is on board, whichever link it came over."""
 
     def __init__(self) -> None:
-        self.items: tuple[MissionItem, ...] = ()
+        self.items: dict[int, tuple[MissionItem, ...]] = dict.fromkeys(MOST, ())
+        """The mission, the fence and the rally points."""
         self.mission_id = 0
-        self.beside: dict[int, tuple[MissionItem, ...]] = {FENCE: (), RALLY: ()}
-        """The fence and the rally points."""
         self.fault = UploadFault.NONE
         self.stores: list[Px4Store] = []
 
@@ -79,17 +78,17 @@ class Px4Store:
     @property
     def items(self) -> tuple[MissionItem, ...]:
         """The mission."""
-        return self.lists.items
+        return self.lists.items[messages.MISSION_TYPE_MISSION]
 
     @property
     def fence(self) -> tuple[MissionItem, ...]:
         """The fence on board."""
-        return self.lists.beside[FENCE]
+        return self.lists.items[FENCE]
 
     @property
     def rally(self) -> tuple[MissionItem, ...]:
         """The rally points on board."""
-        return self.lists.beside[RALLY]
+        return self.lists.items[RALLY]
 
     @property
     def mission_id(self) -> int:
@@ -161,12 +160,9 @@ class Px4Store:
         return self._empty_list(sender, kind)
 
     def _empty_list(self, sender: messages.Peer, kind: int) -> StoreStep:
+        self._replace(kind, ())
         accepted = acknowledge(sender, messages.MissionResult.ACCEPTED, kind)
-        if kind != messages.MISSION_TYPE_MISSION:
-            self.lists.beside[kind] = ()
-            return replace(accepted, fenced=kind == FENCE)
-        self._replace(())
-        return replace(accepted, cleared=True)
+        return replace(accepted, fenced=kind == FENCE, cleared=kind == messages.MISSION_TYPE_MISSION)
 
     def _begin(self, message: messages.MissionCount, sender: messages.Peer, now_s: float) -> StoreStep:
         refused = acknowledge(sender, messages.MissionResult.ERROR, message.mission_type)
@@ -234,7 +230,7 @@ class Px4Store:
         self._upload = None
         self._last_count, self._last_kind = upload.count, upload.kind
         if upload.kind != messages.MISSION_TYPE_MISSION:
-            self.lists.beside[upload.kind] = tuple(upload.items)
+            self._replace(upload.kind, tuple(upload.items))
             accepted = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, upload.kind)
             return replace(accepted, fenced=upload.kind == FENCE)
         crc = compute_list_checksum(upload.items)
@@ -243,12 +239,12 @@ class Px4Store:
             # The same content is not looked at again, not even for its ``current``.
             return reply
         flagged = [item.seq for item in upload.items if item.current]
-        self._replace(tuple(upload.items))
+        self._replace(upload.kind, tuple(upload.items))
         return replace(reply, swapped=True, current=flagged[0] if flagged else None)
 
-    def _replace(self, items: tuple[MissionItem, ...]) -> None:
-        self.lists.items = items
-        self.lists.mission_id = compute_list_checksum(items)
+    def _replace(self, kind: int, items: tuple[MissionItem, ...]) -> None:
+        self.lists.items[kind] = items
+        self.lists.mission_id = compute_list_checksum(self.items)
 
     def _end(self, message: messages.MissionAckReceived, sender: messages.Peer) -> StoreStep:
         if sender != self._partner:
@@ -264,13 +260,9 @@ class Px4Store:
             # A text to everybody, and no ACK.
             return StoreStep(texts=((messages.Severity.INFO, "Mission download request ignored, already active"),))
         self._partner = sender
-        items = self._items_of(kind)
+        items = self.lists.items[kind]
         self._download = Transfer(sender, len(items), heard_s=now_s, asked_s=now_s, kind=kind)
-        opaque_id = self.lists.mission_id if kind == messages.MISSION_TYPE_MISSION else compute_list_checksum(items)
-        return StoreStep((build_mission_count(sender, len(items), opaque_id, kind),))
-
-    def _items_of(self, kind: int) -> tuple[MissionItem, ...]:
-        return self.lists.items if kind == messages.MISSION_TYPE_MISSION else self.lists.beside[kind]
+        return StoreStep((build_mission_count(sender, len(items), compute_list_checksum(items), kind),))
 
     def _read(self, message: messages.MissionRequest, sender: messages.Peer, now_s: float) -> StoreStep:
         self._integer = message.integer
@@ -288,7 +280,7 @@ class Px4Store:
             text = _build_critical_text("WPM: REJ. CMD: Req. WP was unexpected")
             return acknowledge(sender, messages.MissionResult.ERROR, message.mission_type, text)
         download.next = message.seq + 1
-        item = _to_message_form(self._items_of(download.kind)[message.seq], integer=message.integer)
+        item = _to_message_form(self.lists.items[download.kind][message.seq], integer=message.integer)
         return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=download.kind),))
 
     def _ask(self, upload: Transfer, now_s: float) -> messages.Outbound:
@@ -309,5 +301,4 @@ def _build_critical_text(text: str) -> tuple[tuple[int, str], ...]:
 
 
 def _reject_with_text(text: str) -> StoreStep:
-    """Say no to everybody, in words alone."""
     return StoreStep(texts=_build_critical_text(text))

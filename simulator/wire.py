@@ -10,6 +10,7 @@ import hashlib
 import math
 import struct
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -32,108 +33,68 @@ HEADER = struct.Struct("<BBBBBBBHB")
 MAGIC = 0xFD
 
 
-class _Fields:
-    """A decoded message's fields, typed on reading."""
-
-    def __init__(self, values: Mapping[str, messages.FieldValue | str]) -> None:
-        self._values = values
-
-    def get_integer(self, name: str) -> int:
-        """Return a field as a whole number, 0 when it is not there."""
-        value = self.get_number(name)
-        return int(value) if math.isfinite(value) else 0
-
-    def get_number(self, name: str) -> float:
-        """Return a field as a number, 0 when it is not there."""
-        value = self._values.get(name, 0)
-        return value if isinstance(value, int | float) else 0.0
-
-    def get_text(self, name: str) -> str:
-        """Return a field as text."""
-        value = self._values.get(name, "")
-        return value if isinstance(value, str) else ""
-
-    def get_bytes(self, name: str) -> bytes:
-        """Return a field of bytes, empty when it is not there."""
-        value = self._values.get(name, b"")
-        return bytes(map(int, value)) if isinstance(value, list | bytes) else b""
-
-    def get_e7(self, name: str) -> int:
-        """Return degrees as 1e-7 degrees."""
-        value = self.get_number(name) * 1e7
-        return round(value) if math.isfinite(value) else 0
+Fields = Any
+"""A decoded message's fields by their MAVLink names; pymavlink's classes are generated and untyped."""
 
 
-def _parse_command(fields: _Fields, x: str, y: str, z: str) -> messages.Command:
-    names = ("param1", "param2", "param3", "param4", x, y, z)
-    one, two, three, four, five, six, seven = (float(fields.get_number(name)) for name in names)
-    return messages.Command(fields.get_integer("command"), (one, two, three, four, five, six, seven))
+def _to_e7(degrees: float) -> int:
+    return round(degrees * 1e7) if math.isfinite(degrees) else 0
 
 
-def _parse_item(fields: _Fields, *, integer: bool) -> messages.ItemReceived:
-    frame = fields.get_integer("frame")
-    in_degrees = not integer and frame != Frame.MISSION
-    one, two, three, four = (fields.get_number(f"param{number}") for number in (1, 2, 3, 4))
+def _parse_command(said: Fields, x: float, y: float, z: float) -> messages.Command:
+    return messages.Command(said.command, (said.param1, said.param2, said.param3, said.param4, float(x), float(y), z))
+
+
+def _parse_item(said: Fields, *, integer: bool) -> messages.ItemReceived:
+    to_whole = int if integer else _to_e7 if said.frame != Frame.MISSION else _to_whole
     return messages.ItemReceived(
-        seq=fields.get_integer("seq"),
-        frame=frame,
-        command=fields.get_integer("command"),
-        params=(one, two, three, four),
-        x=fields.get_e7("x") if in_degrees else fields.get_integer("x"),
-        y=fields.get_e7("y") if in_degrees else fields.get_integer("y"),
-        z=fields.get_number("z"),
-        current=bool(fields.get_integer("current")),
-        autocontinue=bool(fields.get_integer("autocontinue")),
-        mission_type=fields.get_integer("mission_type"),
-        integer=integer,
-    )
+        said.seq, said.frame, said.command, (said.param1, said.param2, said.param3, said.param4), to_whole(said.x),
+        to_whole(said.y), said.z, bool(said.current), bool(said.autocontinue), said.mission_type, integer,
+    )  # fmt: skip
 
 
-def _parse_clear(fields: _Fields) -> messages.MissionClearAll:
-    kind = fields.get_integer("mission_type")
-    return messages.MissionClearAll(0 if kind == EVERY_MISSION_TYPE else kind)
+def _to_whole(value: float) -> int:
+    return int(value) if math.isfinite(value) else 0
+
+
+def _parse_clear(said: Fields) -> messages.MissionClearAll:
+    return messages.MissionClearAll(0 if said.mission_type == EVERY_MISSION_TYPE else said.mission_type)
 
 
 FILE_HEAD = struct.Struct("<HBBBBBxI")
 """Of MAVFTP: number, session, opcode, size, opcode of the request, end of a burst, offset; then data."""
 
 
-def _parse_file_request(fields: _Fields) -> messages.FileRequest:
-    payload = fields.get_bytes("payload")
+def _parse_file_request(said: Fields) -> messages.FileRequest:
+    payload = bytes(said.payload)
     number, session, operation, size, _, _, offset = FILE_HEAD.unpack_from(payload)
     return messages.FileRequest(number, session, operation, offset, payload[FILE_HEAD.size :][:size])
 
 
-READERS: Mapping[str, Callable[[_Fields], messages.Body]] = {
-    "HEARTBEAT": lambda f: messages.Heartbeat(f.get_integer("type") == GROUND_STATION),
-    "COMMAND_LONG": lambda f: _parse_command(f, "param5", "param6", "param7"),
-    "COMMAND_INT": lambda f: _parse_command(f, "x", "y", "z"),
-    "SET_MODE": lambda f: messages.SetMode(f.get_integer("custom_mode")),
-    "MISSION_COUNT": lambda f: messages.MissionCount(f.get_integer("count"), f.get_integer("mission_type")),
-    "MISSION_ITEM_INT": lambda f: _parse_item(f, integer=True),
-    "MISSION_ITEM": lambda f: _parse_item(f, integer=False),
-    "MISSION_REQUEST_LIST": lambda f: messages.MissionRequestList(f.get_integer("mission_type")),
-    "MISSION_REQUEST": lambda f: messages.MissionRequest(
-        f.get_integer("seq"), f.get_integer("mission_type"), integer=False
-    ),
-    "MISSION_REQUEST_INT": lambda f: messages.MissionRequest(
-        f.get_integer("seq"), f.get_integer("mission_type"), integer=True
-    ),
-    "MISSION_ACK": lambda f: messages.MissionAckReceived(f.get_integer("type"), f.get_integer("mission_type")),
+READERS: Mapping[str, Callable[[Fields], messages.Body]] = {
+    "HEARTBEAT": lambda said: messages.Heartbeat(said.type == GROUND_STATION),
+    "COMMAND_LONG": lambda said: _parse_command(said, said.param5, said.param6, said.param7),
+    "COMMAND_INT": lambda said: _parse_command(said, said.x, said.y, said.z),
+    "SET_MODE": lambda said: messages.SetMode(said.custom_mode),
+    "MISSION_COUNT": lambda said: messages.MissionCount(said.count, said.mission_type),
+    "MISSION_ITEM_INT": lambda said: _parse_item(said, integer=True),
+    "MISSION_ITEM": lambda said: _parse_item(said, integer=False),
+    "MISSION_REQUEST_LIST": lambda said: messages.MissionRequestList(said.mission_type),
+    "MISSION_REQUEST": lambda said: messages.MissionRequest(said.seq, said.mission_type, integer=False),
+    "MISSION_REQUEST_INT": lambda said: messages.MissionRequest(said.seq, said.mission_type, integer=True),
+    "MISSION_ACK": lambda said: messages.MissionAckReceived(said.type, said.mission_type),
     "MISSION_CLEAR_ALL": _parse_clear,
-    "MISSION_SET_CURRENT": lambda f: messages.MissionSetCurrent(f.get_integer("seq")),
+    "MISSION_SET_CURRENT": lambda said: messages.MissionSetCurrent(said.seq),
     "PARAM_REQUEST_LIST": lambda _: messages.ParamRequestList(),
-    "PARAM_REQUEST_READ": lambda f: messages.ParamRequestRead(f.get_text("param_id"), f.get_integer("param_index")),
-    "PARAM_SET": lambda f: messages.ParamSet(
-        f.get_text("param_id"), f.get_number("param_value"), f.get_integer("param_type")
-    ),
-    "REQUEST_DATA_STREAM": lambda f: messages.RequestDataStream(
-        f.get_integer("req_stream_id"), f.get_integer("req_message_rate"), bool(f.get_integer("start_stop"))
+    "PARAM_REQUEST_READ": lambda said: messages.ParamRequestRead(said.param_id, said.param_index),
+    "PARAM_SET": lambda said: messages.ParamSet(said.param_id, said.param_value, said.param_type),
+    "REQUEST_DATA_STREAM": lambda said: messages.RequestDataStream(
+        said.req_stream_id, said.req_message_rate, bool(said.start_stop)
     ),
     "FILE_TRANSFER_PROTOCOL": _parse_file_request,
-    "RADIO_STATUS": lambda f: messages.RadioStatus(f.get_integer("txbuf")),
-    "TIMESYNC": lambda f: messages.Timesync(f.get_integer("tc1"), f.get_integer("ts1")),
-    "PING": lambda f: messages.Ping(f.get_integer("time_usec"), f.get_integer("seq"), f.get_integer("target_system")),
+    "RADIO_STATUS": lambda said: messages.RadioStatus(said.txbuf),
+    "TIMESYNC": lambda said: messages.Timesync(said.tc1, said.ts1),
+    "PING": lambda said: messages.Ping(said.time_usec, said.seq, said.target_system),
 }
 
 
@@ -190,33 +151,24 @@ class Codec:
             reader = READERS.get(message.get_type())
             if reader is None:
                 continue
-            values = message.to_dict()
-            if values.get("target_system", EVERYBODY) not in {EVERYBODY, self._sysid}:
+            if getattr(message, "target_system", EVERYBODY) not in {EVERYBODY, self._sysid}:
                 continue
-            target = values.get("target_component", EVERYBODY)
+            target = getattr(message, "target_component", EVERYBODY)
             elsewhere = target not in {EVERYBODY, AUTOPILOT_COMPONENT, *self._others}
             if elsewhere and not self._every_component:
                 continue
             sender = messages.Peer(message.get_srcSystem(), message.get_srcComponent())
-            received.append(messages.Received(sender, reader(_Fields(values)), target))
+            received.append(messages.Received(sender, reader(message), target))
         return received
 
     def _append_extension_fields(self, packed: dialect.MAVLink_message, tail: bytes) -> bytes:
-        """Return the frame with fields behind those that pymavlink knows."""
         payload = bytes(packed.get_payload()).ljust(struct.calcsize(packed.unpacker.format), b"\0") + tail
         payload = payload.rstrip(b"\0")
         number, signing = packed.get_msgId(), self._packer.signing
         head = HEADER.pack(
-            MAGIC,
-            len(payload),
-            int(signing.sign_outgoing),
-            0,
-            self._packer.seq,
-            self._sysid,
-            AUTOPILOT_COMPONENT,
-            number & 0xFFFF,
-            number >> 16,
-        )
+            MAGIC, len(payload), int(signing.sign_outgoing), 0, self._packer.seq, self._sysid, AUTOPILOT_COMPONENT,
+            number & 0xFFFF, number >> 16,
+        )  # fmt: skip
         checksum = dialect.x25crc(head[1:] + payload + bytes([packed.crc_extra])).crc
         frame = head + payload + struct.pack("<H", checksum)
         if not signing.sign_outgoing:

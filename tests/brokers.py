@@ -32,17 +32,21 @@ class Secured:
     authority: Path
     certificate: Path
     key: Path
+    client: Path
+    """Certificate and key of a client."""
 
 
 class RealBroker:
     """A broker on a port of its own, which can be stopped, started again and suspended."""
 
-    def __init__(self, kind: str, folder: Path, *, secured: Secured | None = None, password: bool = False) -> None:
+    def __init__(self, kind: str, folder: Path, *, secured: Secured | None = None, **asked: bool) -> None:
         self.port = free_port()
         self._kind = kind
         folder.mkdir(exist_ok=True)
-        files = {"mosquitto": _mosquitto_file, "amqtt": _amqtt_file}
-        self._file = files[kind](folder, self.port, secured, password=password)
+        if kind == "mosquitto":
+            self._file = _mosquitto_file(folder, self.port, secured, **asked)
+        else:
+            self._file = _amqtt_file(folder, self.port, secured, **asked)
         self._process: asyncio.subprocess.Process | None = None
         self._reading: asyncio.Task[None] | None = None
 
@@ -94,10 +98,14 @@ class RealBroker:
 
 @asynccontextmanager
 async def running(
-    kind: str, folder: Path, *, secured: Secured | None = None, password: bool = False
+    kind: str, folder: Path, *, secured: Secured | None = None, **asked: bool
 ) -> AsyncIterator[RealBroker]:
-    """A broker that ends with the block."""
-    broker = RealBroker(kind, folder, secured=secured, password=password)
+    """A broker that ends with the block.
+
+    With `password` it wants one, with `clients` certificates of who connects, with `websocket` it is reached over one;
+    the last two mosquitto only.
+    """
+    broker = RealBroker(kind, folder, secured=secured, **asked)
     try:
         await broker.start()
         yield broker
@@ -141,8 +149,16 @@ async def slowed(port: int, bytes_per_s: float) -> AsyncIterator[int]:
         await asyncio.gather(*closing, return_exceptions=True)
 
 
-def _mosquitto_file(folder: Path, port: int, secured: Secured | None, *, password: bool) -> Path:
-    lines = [f"listener {port} 127.0.0.1", "persistence false", "log_dest stderr", "user root"]
+def _mosquitto_file(
+    folder: Path, port: int, secured: Secured | None, *, password: bool = False, clients: bool = False,
+    websocket: bool = False,
+) -> Path:  # fmt: skip
+    lines = ["persistence false", "log_dest stderr", "user root"]
+    if websocket:
+        # Without another listener 2.0 ends; an address is not known as one.
+        lines += [f"listener {free_port()} 127.0.0.1", f"listener {port}", "socket_domain ipv4", "protocol websockets"]
+    else:
+        lines.append(f"listener {port} 127.0.0.1")
     lines.append(f"allow_anonymous {'false' if password else 'true'}")
     if password:
         known = folder / "passwords"
@@ -152,12 +168,14 @@ def _mosquitto_file(folder: Path, port: int, secured: Secured | None, *, passwor
         lines.append(f"password_file {known}")
     if secured is not None:
         lines += [f"certfile {secured.certificate}", f"keyfile {secured.key}"]
+        if clients:
+            lines += [f"cafile {secured.authority}", "require_certificate true"]
     path = folder / "mosquitto.conf"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 
-def _amqtt_file(folder: Path, port: int, secured: Secured | None, *, password: bool) -> Path:
+def _amqtt_file(folder: Path, port: int, secured: Secured | None, *, password: bool = False) -> Path:
     from pwdlib.hashers.argon2 import Argon2Hasher
 
     listener: dict[str, object] = {"type": "tcp", "bind": f"127.0.0.1:{port}"}
@@ -174,7 +192,7 @@ def _amqtt_file(folder: Path, port: int, secured: Secured | None, *, password: b
 
 
 def secured_in(folder: Path) -> Secured:
-    """Make an authority, and a certificate of it for 127.0.0.1."""
+    """Make an authority, a certificate of it for 127.0.0.1, and one for a client."""
     from cryptography import x509
     from cryptography.hazmat.primitives import hashes, serialization
     from cryptography.hazmat.primitives.asymmetric import ec
@@ -182,21 +200,22 @@ def secured_in(folder: Path) -> Secured:
     def named(text: str) -> x509.Name:
         return x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, text)])
 
-    now, keys = datetime.now(UTC), [ec.generate_private_key(ec.SECP256R1()) for _ in range(2)]
+    now, keys = datetime.now(UTC), [ec.generate_private_key(ec.SECP256R1()) for _ in range(3)]
     span = (now - timedelta(hours=1), now + timedelta(hours=1))
-    authority, broker = named("a test's authority"), named("a test's broker")
+    authority, broker, client = (named(f"a test's {one}") for one in ("authority", "broker", "client"))
     certificates = []
-    for subject, key, is_authority in ((authority, keys[0], True), (broker, keys[1], False)):
+    for subject, key, is_authority in ((authority, keys[0], True), (broker, keys[1], False), (client, keys[2], False)):
         building = (
             x509.CertificateBuilder(authority, subject, key.public_key(), x509.random_serial_number(), *span)
             .add_extension(x509.BasicConstraints(ca=is_authority, path_length=None), critical=True)
             .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=False)
         )
         certificates.append(building.sign(keys[0], hashes.SHA256()))
-    made = Secured(folder / "authority.pem", folder / "broker.pem", folder / "broker.key")
+    made = Secured(folder / "authority.pem", folder / "broker.pem", folder / "broker.key", folder / "client.pem")
     pem = serialization.Encoding.PEM
     made.authority.write_bytes(certificates[0].public_bytes(pem))
     made.certificate.write_bytes(certificates[1].public_bytes(pem))
     plain = (serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
     made.key.write_bytes(keys[1].private_bytes(pem, *plain))
+    made.client.write_bytes(certificates[2].public_bytes(pem) + keys[2].private_bytes(pem, *plain))
     return made

@@ -98,7 +98,8 @@ def test_no_port_is_open_beyond_this_computer() -> None:
 
 def test_one_service_builds_the_image_and_the_others_wait_for_it() -> None:
     built = {name for name, service in composed()["services"].items() if "build" in service}
-    assert built == {"image"}
+    assert built == {"image", "ardupilot"}
+    assert len({composed()["services"][name]["image"] for name in built}) == 2, "a tag that is built twice"
     for profile in PROFILES:
         found = services(profile)
         ours = {name: one for name, one in found.items() if one["image"] == found["image"]["image"] and name != "image"}
@@ -144,7 +145,7 @@ def test_every_executor_keeps_its_runs_on_the_volume() -> None:
 
 def test_the_image_is_locked_and_runs_as_nobody_in_particular() -> None:
     lines = (DOCKER / "Dockerfile").read_text(encoding="utf-8").splitlines()
-    assert lines[1] == "FROM python:3.11-slim"
+    assert "FROM ${PYTHON}" in lines
     assert "RUN pip install --require-hashes -r requirements.lock" in lines
     user = next(line for line in lines if line.startswith("USER "))
     assert user != "USER root"
@@ -154,6 +155,22 @@ def test_the_image_is_locked_and_runs_as_nobody_in_particular() -> None:
     for source in (name for names in copied for name in names):
         assert (ROOT / source).exists(), source
         assert f"!{source}" in allowed, f"{source} is not sent to the engine"
+
+
+def test_what_is_fetched_is_known_by_its_digest_or_tag() -> None:
+    digest = r"@sha256:[0-9a-f]{64}"
+    for name in ("Dockerfile", "ardupilot.Dockerfile"):
+        text = (DOCKER / name).read_text(encoding="utf-8")
+        assert re.findall(r"^ARG PYTHON=(\S+)$", text, re.MULTILINE), name
+        assert re.search(rf"^ARG PYTHON=python:3\.11-slim{digest}$", text, re.MULTILINE), name
+        assert re.findall(r"^FROM (\S+)", text, re.MULTILINE) == ["${PYTHON}"]
+    added = re.findall(r"^ADD ((?:.*\\\n)*.*)$", text, re.MULTILINE)
+    assert len(added) == 1
+    assert re.search(r"--checksum=sha256:[0-9a-f]{64} ", added[0])
+    assert "/Copter/stable-4." in added[0]
+    services = composed()["services"]
+    assert re.fullmatch(rf"eclipse-mosquitto:2\S*{digest}", services["broker"]["image"])
+    assert services["px4"]["image"] == "px4io/px4-sitl:v1.17.0"  # of which no document tells a digest
 
 
 @pytest.mark.parametrize("profile", PROFILES)

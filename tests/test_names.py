@@ -14,10 +14,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("planner", "missions", "simulator", "executor", "benchmarks")
-APART = ("simulator/", "executor/cli/", "benchmarks/")
+PACKAGES = ("faultline", "planner", "missions", "simulator", "executor", "benchmarks")
+APART = ("faultline/", "simulator/", "executor/cli/", "benchmarks/")
 """The simulator shares nothing with what flies it: it speaks the same protocol in words of its own. A function of the
-command line is called as the agreement calls its command. Benchmarks are never imported by what they measure."""
+command line is called as the agreement calls its command, and so is one of the library. Benchmarks are never imported
+by what they measure."""
 REASONS = {
     "Mode": "each simulated autopilot has its own",
     "land_goal": "each simulated autopilot has its own",

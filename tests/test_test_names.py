@@ -247,6 +247,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
     "tests/stories/test_pictures.py": ("simulator/camera.py",),
     "tests/test_docs.py": (
+        "scripts/pages/library.py",
         "executor/site/site_schema.py",
         "scripts/pages/page_types.py",
         "scripts/pages/plan_api.py",

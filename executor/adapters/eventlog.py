@@ -371,7 +371,6 @@ class EventLog:
             self._report_trouble(trouble if self._waiting else f"the event log is written again{lost}")
 
     def _flush(self) -> None:
-        """Write what waits, as far as there is room."""
         while self._waiting:
             rest = self._waiting[0] if self._begun == 0 else self._waiting[0][self._begun :]
             try:
@@ -414,7 +413,6 @@ def total_clock_step_s(path: Path, since: LogPlace | None = None) -> float:
 
 
 def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
-    """Return the head of a log that this version can read."""
     try:
         head = json.loads(line.decode())
         known = head["format"]

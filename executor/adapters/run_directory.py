@@ -26,7 +26,6 @@ class _File:
         self._name = name
 
     def __get__(self, run: RunDirectory, kind: type[RunDirectory]) -> Path:
-        """Return where it lies in this run directory."""
         return run.path / self._name
 
 

@@ -15,17 +15,9 @@ from executor.adapters.eventlog import read_events, read_head, read_notes
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FaultRow, FlightReport, read_report
 from executor.core.battery.pack_condition import PackHistory
+from executor.core.interface import messages
 from executor.core.interface.commands import Level
 from executor.core.interface.events import Heard, LaunchOrdered, SolveEnded, UploadEnded
-from executor.core.interface.messages import (
-    Battery,
-    EstimatorStatus,
-    FlightMessage,
-    Gps,
-    Heartbeat,
-    Position,
-    SystemStatus,
-)
 from executor.core.state.gps_loss import update_positioning
 from executor.core.state.inspection_proof import InspectionRun, PositionSample, Track, advance_run
 from executor.core.state.vehicle_parts import PositionFix, Positioning
@@ -243,7 +235,6 @@ def find_abandoned_segments(record: FlightRecord) -> list[tuple[SegmentRecord, s
 
 
 def _map_planned_vehicles(revisions: Iterable[PlanRevision], until_s: float) -> dict[int, str]:
-    """Return whose route each segment was on at a time."""
     planned: dict[int, str] = {}
     for revision in revisions:
         if revision.decided_s <= until_s:
@@ -339,22 +330,22 @@ class _VehicleMessages:
     newest: PositionFix | None = None
     armed: bool = False
 
-    def take(self, said: FlightMessage, t_s: float, frame: LocalFrame) -> None:
+    def take(self, said: messages.FlightMessage, t_s: float, frame: LocalFrame) -> None:
         """Take what it said; a position that is reckoned proves nothing."""
         match said:
-            case Position():
+            case messages.Position():
                 self._take_position(said, frame.to_local_m(said.lat_deg, said.lon_deg), t_s)
-            case Heartbeat():
+            case messages.Heartbeat():
                 self.armed = said.armed
-            case Gps() | EstimatorStatus() | SystemStatus():
+            case messages.Gps() | messages.EstimatorStatus() | messages.SystemStatus():
                 self.positioning = update_positioning(self.positioning, said, self.newest, t_s, stands=not self.armed)
             case _:
                 pass
-        if isinstance(said, Battery | SystemStatus) and said.remaining_pct is not None:
-            reports = self.battery if isinstance(said, Battery) else self.status
+        if isinstance(said, messages.Battery | messages.SystemStatus) and said.remaining_pct is not None:
+            reports = self.battery if isinstance(said, messages.Battery) else self.status
             reports.append((t_s, said.remaining_pct))
 
-    def _take_position(self, said: Position, place_m: Place, t_s: float) -> None:
+    def _take_position(self, said: messages.Position, place_m: Place, t_s: float) -> None:
         velocity_m_s = (said.east_m_s, said.north_m_s, -said.down_m_s)
         is_reckoned = self.positioning.lost_s is not None
         self.newest = PositionFix(

@@ -205,7 +205,9 @@ def build_report(
         checks=said.checks,
         parameters=tuple(parameters),
         heights=_build_heights(context, state),
-        absences=tuple(_build_absence_rows(state, began_s)),
+        absences=tuple(
+            documents.AbsenceRow.build_from(one, until_s=one.until_s - began_s) for one in state.listening.absences
+        ),
         radios=tuple(_build_radio_rows(context, state)),
         seen=_build_seen_rows(context, state),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
@@ -226,11 +228,6 @@ def build_report(
         earlier=said.earlier,
         routes=build_route_rows(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
     )
-
-
-def _build_absence_rows(state: FleetState, began_s: float) -> Iterator[documents.AbsenceRow]:
-    for absence in state.listening.absences:
-        yield documents.AbsenceRow.build_from(absence, until_s=absence.until_s - began_s)
 
 
 def _build_heights(context: Context, state: FleetState) -> documents.HeightsPart:

@@ -143,7 +143,6 @@ def _get_named_values(names: Mapping[str, str], row: Document, columns: Iterable
 
 
 def _add_distance_column(rows: Iterable[InspectionRow | SeenRow]) -> dict[str, str]:
-    """Return one more column where vehicles left their layers."""
     known = any(row.inspected_at_m is not None for row in rows)
     return {"inspected_at_m": "at a distance of (m)"} if known else {}
 

@@ -92,12 +92,10 @@ class _LazyCommand(TyperCommand):
     """A command whose module is not imported yet."""
 
     def get_short_help_str(self, limit: int = 45) -> str:
-        """Return its line in the overview."""
         self.help = read_summary(str(self.name))
         return super().get_short_help_str(limit)
 
     def make_context(self, info_name: str | None, args: list[str], *more: Any, **named: Any) -> Any:  # noqa: ANN401
-        """Import the command, and hand the arguments on to it."""
         return load_command(str(self.name)).make_context(info_name, args, *more, **named)
 
 

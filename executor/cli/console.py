@@ -160,7 +160,7 @@ class TerminalConsole:
         with self._show_question(question):
             loop.add_reader(sys.stdin.fileno(), typed)
             try:
-                return _is_yes(await line)
+                return (await line).strip().lower() in {"y", "yes"}
             except asyncio.CancelledError:
                 self._terminal.print()
                 raise
@@ -169,7 +169,6 @@ class TerminalConsole:
 
     @contextmanager
     def _show_question(self, question: str) -> Iterator[None]:
-        """Show a question for as long as it waits for its answer."""
         _drop_typed_input()
         self._asked = Text(f"{formatting.escape_controls(question)} [y/N] ")
         self._terminal.print(self._asked, end="")
@@ -289,7 +288,6 @@ def _describe_last_place(at: PositionView) -> str:
 
 
 def _describe_other_control(hands: TakenView) -> str:
-    """Return what holds of a vehicle that is in other hands."""
     if hands.returned:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:
@@ -304,7 +302,3 @@ def _drop_typed_input() -> None:
 
         with suppress(termios.error):
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
-
-
-def _is_yes(line: str) -> bool:
-    return line.strip().lower() in {"y", "yes"}

@@ -218,7 +218,6 @@ class _PreparedSite:
         return self._content.web.enabled
 
     def build_flight_request(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> FlightRequest:
-        """Return the order to fly a plan."""
         return FlightRequest(
             self._content, self._base, self.ground, routes, create_run_directory(run), lambda _: (), self._mqtt,
             self._below, day, () if self._after is None else read_earlier_flights(self._after),

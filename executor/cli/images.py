@@ -15,17 +15,8 @@ from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import JsonOption, QuietOption
 from executor.cli.plan_inputs import print_result
 from executor.errors import LogError
+from executor.images import matching
 from executor.images.index_files import read_index, write_file_matches
-from executor.images.matching import (
-    FileMatch,
-    Matching,
-    add_pictures_to_report,
-    find_picture_files,
-    match_files,
-    write_assets_page,
-    write_place_exif,
-    write_place_xmp,
-)
 
 SHOWN = 5
 """Names of one kind that are printed; images-files.csv has all of them."""
@@ -59,18 +50,18 @@ def images(
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder; expected one with the files of cameras")
     index = read_index(run)
-    found = match_files(index, list(find_picture_files(folder)), folder)
+    found = matching.match_files(index, list(matching.find_picture_files(folder)), folder)
     placed = _write_places(found.matches, write)
     write_file_matches(run, COLUMNS, _build_rows(found))
-    write_assets_page(RunDirectory(run).assets, index, found)
-    add_pictures_to_report(RunDirectory(run).page, index, found)
+    matching.write_assets_page(RunDirectory(run).assets, index, found)
+    matching.add_pictures_to_report(RunDirectory(run).page, index, found)
     lines = () if quiet else _describe_matching(found, placed, len(index.images))
     print_result(lambda: _build_document(found, placed), lines, as_json=as_json)
     if not found.is_complete:
         raise typer.Exit(ANSWER_IS_NO)
 
 
-def _write_places(matches: Sequence[FileMatch], write: PlaceDestination) -> int:
+def _write_places(matches: Sequence[matching.FileMatch], write: PlaceDestination) -> int:
     """Write places where files have none; returns how many."""
     without = [match for match in matches if match.file.lat_deg is None or match.file.lon_deg is None]
     if write is PlaceDestination.NONE:
@@ -78,13 +69,13 @@ def _write_places(matches: Sequence[FileMatch], write: PlaceDestination) -> int:
     for match in without:
         place = (match.image.lat_deg, match.image.lon_deg, match.image.alt_msl_m)
         if write is PlaceDestination.XMP:
-            write_place_xmp(match.file.path, *place)
+            matching.write_place_xmp(match.file.path, *place)
         else:
-            write_place_exif(match.file.path, *place)
+            matching.write_place_exif(match.file.path, *place)
     return len(without)
 
 
-def _build_rows(found: Matching) -> list[tuple[object, ...]]:
+def _build_rows(found: matching.Matching) -> list[tuple[object, ...]]:
     blurred = {match.file.path for match in found.blurred}
     rows: list[tuple[object, ...]] = []
     for match in found.matches:
@@ -104,7 +95,7 @@ def _build_rows(found: Matching) -> list[tuple[object, ...]]:
     return rows
 
 
-def _describe_matching(found: Matching, placed: int, pictures: int) -> list[str]:
+def _describe_matching(found: matching.Matching, placed: int, pictures: int) -> list[str]:
     lines = [f"{len(found.matches)} of {pictures} pictures have a file"]
     for card in found.cards:
         if card.key is None or card.offset is None:
@@ -136,7 +127,7 @@ def _list_some(what: str, names: Sequence[str]) -> list[str]:
     return [f"{what}, {len(names)}: {', '.join(names[:SHOWN])}{more}"]
 
 
-def _build_document(found: Matching, placed: int) -> dict[str, object]:
+def _build_document(found: matching.Matching, placed: int) -> dict[str, object]:
     return {
         "matched": len(found.matches),
         "missing": [[row.vehicle, row.camera, row.sequence] for row in found.missing],

@@ -45,7 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run_to_exit_code(given: Sequence[str]) -> int:
-    """Run the command line; returns, or ends with, its exit code."""
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for

@@ -22,7 +22,7 @@ from executor.errors import LogError
 from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_log
 from executor.replay.open_log import is_log, open_log
 from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
-from executor.replay.run_replay import DecisionComparison, RunReplay, replay_run
+from executor.replay.run_replay import RunReplay, replay_run
 from executor.site.learned_files import PacksDocument, read_packs
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
@@ -142,20 +142,14 @@ def build_replay_document(done: Sequence[LogReplay]) -> dict[str, object]:
                 "vehicles": _build_vehicle_entries(one),
                 "skipped": one.skipped.counts(),
                 "notes": list(one.notes),
-                "commands": _build_comparison_entry(one.comparison) if isinstance(one, RunReplay) else None,
+                "commands": {
+                    "logged": one.comparison.logged, "replayed": one.comparison.replayed,
+                    "same": one.comparison.is_same, "first_difference": one.comparison.first_difference,
+                } if isinstance(one, RunReplay) else None,
             }
             for one in done
         ],
-    }
-
-
-def _build_comparison_entry(found: DecisionComparison) -> dict[str, object]:
-    return {
-        "logged": found.logged,
-        "replayed": found.replayed,
-        "same": found.is_same,
-        "first_difference": found.first_difference,
-    }
+    }  # fmt: skip
 
 
 def _build_vehicle_entries(found: LogReplay) -> list[dict[str, object]]:

@@ -361,7 +361,6 @@ def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, n
 
 
 def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Look at a vehicle that should not move."""
     if state.progress.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
@@ -393,7 +392,6 @@ def _bring_home_flying_vehicle(
 
 
 def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
-    """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
     lies = change_stage(vehicle, Stage.DOWN).with_orders(errand=None).with_sortie(place_told=True)

@@ -172,7 +172,6 @@ def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, no
 
 
 def _begin_mission(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Take a vehicle to fly its mission that was seen to have taken off."""
     vehicle = change_stage(vehicle, Stage.FLYING).with_assignment(failures=0).with_orders(ordered_mode_s=now_s)
     return state.put(vehicle), (takeoff.FLIES.say(vehicle=vehicle.name),)
 

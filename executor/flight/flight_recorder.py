@@ -23,6 +23,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+import missions
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, DISK_S, EventLog, LogPlace, is_place_in_log, to_plain
 from executor.adapters.run_directory import RunDirectory
@@ -41,18 +42,6 @@ from executor.flight.publication import Publication
 from executor.flight.run_start import Console, FlightRequest
 from executor.runtime.flight_loop import Observer
 from executor.supervised import report_internal_error
-from missions import (
-    MissionsError,
-    PlanFile,
-    Pricing,
-    SolverRecord,
-    Task,
-    build_plan_document,
-    format_first_error,
-    make_plan_file,
-    read_plan,
-    write_plan,
-)
 from missions.files import write_whole
 from planner import Plan, Route, segment_of
 
@@ -229,9 +218,8 @@ def _compute_digest(content: bytes) -> str:
 
 
 def _describe_error(error: Exception) -> str:
-    """Return in one line why a checkpoint is not used."""
     if isinstance(error, ValidationError):
-        return format_first_error(error)
+        return missions.format_first_error(error)
     return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
 
 
@@ -341,7 +329,6 @@ class FlightRecorder:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
     def __init__(self, seat: FlightSession, publication: Publication) -> None:
-        """Name the flight, and where else it is told of."""
         self._seat = seat
         self._publication = publication
         self._solve = seat.legacy.solve
@@ -454,7 +441,9 @@ class FlightRecorder:
             return
         if plan_path_of(self._seat.request.run, planned).exists():
             self._in_no_file.remove(planned)
-        self._publication.publish(lambda to: to.publish_plan(planned[1].revision, build_plan_document(content)))
+        self._publication.publish(
+            lambda to: to.publish_plan(planned[1].revision, missions.build_plan_document(content))
+        )
 
     async def settle(self) -> None:
         """Wait until everything is kept, but not for a disk that never answers."""
@@ -472,21 +461,21 @@ def plan_path_of(run: Path, planned: Planned) -> Path:
     return RunDirectory(run).plan_path(planned[1].revision)
 
 
-def _build_plan_file(request: FlightRequest, pricing: Pricing, planned: Planned) -> PlanFile:
+def _build_plan_file(request: FlightRequest, pricing: missions.Pricing, planned: Planned) -> missions.PlanFile:
     """Return a re-plan as a plan file, and keep it where there is room."""
     ground, (solve, event) = request.ground, planned
     task, plan = _build_replan(pricing, solve, event)
-    solved = SolverRecord(seed=request.plan.solved.seed, solver="search", seconds=event.solve_s)
-    content = make_plan_file(
+    solved = missions.SolverRecord(seed=request.plan.solved.seed, solver="search", seconds=event.solve_s)
+    content = missions.make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
         says_distances=False,
     ).with_site_of(request.plan)  # fmt: skip
     with suppress(OSError):
-        write_plan(plan_path_of(request.run, planned), content)
+        missions.write_plan(plan_path_of(request.run, planned), content)
     return content
 
 
-def _build_replan(pricing: Pricing, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
+def _build_replan(pricing: missions.Pricing, solve: Solve, event: SolveEnded) -> tuple[missions.Task, Plan]:
     task, _ = build_replan_task(pricing, solve)
     visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
     routes = tuple(Route(index, visits.get(offer.vehicle, ())) for index, offer in enumerate(solve.survivors))
@@ -494,9 +483,9 @@ def _build_replan(pricing: Pricing, solve: Solve, event: SolveEnded) -> tuple[Ta
     return task, Plan(routes, tuple(segment for segment in range(len(task.segment_ids)) if segment not in flown))
 
 
-def read_plan_in_force(request: FlightRequest, revision: int) -> PlanFile:
+def read_plan_in_force(request: FlightRequest, revision: int) -> missions.PlanFile:
     """Return the newest plan that is on record; a flight that is taken up again may have had several."""
-    with suppress(OSError, MissionsError):
+    with suppress(OSError, missions.MissionsError):
         if revision > 0:
-            return read_plan(RunDirectory(request.run).plan_path(revision))
+            return missions.read_plan(RunDirectory(request.run).plan_path(revision))
     return request.plan

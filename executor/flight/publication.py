@@ -86,7 +86,7 @@ class Publication:
         )
         client = MqttClient(
             settings.broker, self._outbox, self._publisher.build_presence,
-            settings.topics.intent_topic, intake.handle_message, tell,
+            settings.topics.intent_topic, intake.handle_message, tell, settings.clear,
         )  # fmt: skip
         if settings.rules.closed:
             tell(Level.INFO, f"mqtt: no intents are taken: {settings.rules.closed}")

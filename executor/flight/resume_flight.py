@@ -15,28 +15,14 @@ from executor import supervised
 from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
-from executor.analysis.documents import (
-    AskedVehicles,
-    FlightReport,
-    read_flown_day_plan,
-    read_report,
-    read_vehicle_answers,
-)
+from executor.analysis import documents
 from executor.analysis.report import NOTHING_SAID, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
 from executor.core.interface.events import Reopened, SolveEnded
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
-from executor.flight import run_flight, run_start
-from executor.flight.flight_recorder import (
-    FlightSession,
-    FoundCheckpoint,
-    InheritedRecord,
-    Planned,
-    find_newest_checkpoint,
-    plan_path_of,
-)
+from executor.flight import flight_recorder, run_flight, run_start
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.restore_vehicles import PARAMETERS, build_parameter_rows
 from executor.simulated.fault_truths import read_injected_faults
@@ -64,7 +50,7 @@ class InterruptedRun:
     """What is wrong with the log, or with its checkpoints."""
     undone: tuple[Command, ...]
     """What was decided last, and is not on record as carried out."""
-    legacy: InheritedRecord
+    legacy: flight_recorder.InheritedRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +59,7 @@ class ResumePlan:
 
     request: run_start.FlightRequest
     head: eventlog.LogHeader
-    found: FoundCheckpoint
+    found: flight_recorder.FoundCheckpoint
     """Its checkpoint, if there is a good one."""
     last_s: float
     """The last time that is on record."""
@@ -94,7 +80,7 @@ def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     if not RunDirectory(run).site.exists() or not RunDirectory(run).plan_path(0).exists():
         raise LogError(f"{run}: expected a run directory with site.toml and plan-000.json; nothing was flown from here")
     path = RunDirectory(run).events
-    found = find_newest_checkpoint(run, path)
+    found = flight_recorder.find_newest_checkpoint(run, path)
     launched = found.checkpoint is not None or _is_launched(run)
     request = _build_request(run, *run_start.read_site_and_plan(run))
     if not launched:
@@ -122,7 +108,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
     notes = list(known.found.notes)
     state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
-    planned: list[Planned] = []
+    planned: list[flight_recorder.Planned] = []
     if checkpoint is not None:
         state, place, last_s = checkpoint.state, checkpoint.place, checkpoint.place.at_s
         planned, solve = list(checkpoint.legacy.unkept), checkpoint.legacy.solve
@@ -142,9 +128,9 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
             solves |= {command.revision: command for command in latest if isinstance(command, Solve)}
     missing = replayed - sum(1 for _ in eventlog.read_decisions(path, place))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
-    unkept = tuple(one for one in planned if not plan_path_of(run, one).exists())
+    unkept = tuple(one for one in planned if not flight_recorder.plan_path_of(run, one).exists())
     solve = solves[max(solves)] if solves else None
-    legacy = InheritedRecord(unkept, solve, known.set_s, known.found.name)
+    legacy = flight_recorder.InheritedRecord(unkept, solve, known.set_s, known.found.name)
     lines = (0 if place is None else place.lines) + eventlog.count_lines_after(path, place)
     return InterruptedRun(begun, known.head, state, last_s, lines, tuple(notes), undone, legacy)
 
@@ -193,12 +179,12 @@ def describe_interrupted_run(left: InterruptedRun) -> list[str]:
     return [*left.notes, f"left at {left.last_s:.0f} s with {done}: {', '.join(vehicles)}", *under_way]
 
 
-def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
+def finish_report(run: Path, left: InterruptedRun) -> documents.FlightReport | None:
     """Return the report of a flight that has ended; None if there is something left to supervise."""
     if not left.state.progress.finished:
         return None
     with suppress(LogError):
-        return read_report(run)
+        return documents.read_report(run)
     # It died between the end of the flight and its report.
     parameters = build_parameter_rows(PARAMETERS.read(run))
     report = build_report(
@@ -210,13 +196,12 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
 
 
 def _build_request(run: Path, ground: SiteModel, plan: PlanFile) -> run_start.FlightRequest:
-    """Return the request to fly what a run directory describes."""
     mqtt = run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
-    truths, day = partial(read_injected_faults, run), read_flown_day_plan(run)
+    truths, day = partial(read_injected_faults, run), documents.read_flown_day_plan(run)
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> FlightReport:
+async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> documents.FlightReport:
     """Fly a flight that was never launched.
 
     Raises:
@@ -243,7 +228,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> FlightReport:
+async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> documents.FlightReport:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -291,7 +276,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 said = partial(_read_preflight_record, run)
-                seat = FlightSession(
+                seat = flight_recorder.FlightSession(
                     request, console, left.begun.context, left.state, links, clock, log, solver, said, left.legacy
                 )
                 return await run_flight.supervise(seat, reopened)
@@ -316,8 +301,7 @@ def _note_undone_command(log: eventlog.EventLog, command: Command, at_s: float) 
         log.note(at_s, command=eventlog.to_plain(command), carried_out=False)
 
 
-def _read_preflight_record(run: Path) -> AskedVehicles:
-    """Return what was known before the flight, as vehicles.json has it."""
+def _read_preflight_record(run: Path) -> documents.AskedVehicles:
     with suppress(LogError):
-        return read_vehicle_answers(run)
+        return documents.read_vehicle_answers(run)
     return NOTHING_SAID

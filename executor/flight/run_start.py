@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import tomli_w
 
+import missions
 from executor.adapters.clock import SystemClock
 from executor.adapters.mqtt.intent_intake import IntakeRules
 from executor.adapters.mqtt.topics import BrokerAddress, MqttTopics
@@ -35,16 +36,6 @@ from executor.site.learned_files import build_learned_document, read_learned
 from executor.site.mqtt_and_web_keys import MqttTable
 from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
-from missions import (
-    DayPlanFile,
-    FlightSetup,
-    Pad,
-    PlanFile,
-    apply_tunings,
-    dialect_for,
-    read_plan,
-    write_plan,
-)
 from missions.files import write_whole
 from missions.readers.elevation_rasters import write_kept_ground
 
@@ -83,6 +74,8 @@ class MqttSettings:
     """Of telemetry, in real seconds."""
     exposed: bool
     """Whether secrets leave this computer without TLS."""
+    clear: bool = False
+    """Whether the broker is to forget in the end what it holds of the flight."""
 
 
 def read_mqtt_settings(
@@ -97,24 +90,27 @@ def read_mqtt_settings(
         environment: Where the secrets are.
 
     Raises:
-        SiteError: a secret is not set, or the authority's certificate cannot be used.
+        SiteError: a secret is not set, or a certificate or its key cannot be used.
     """
     if table is None:
         return None
     broker = BrokerAddress(
         table.host,
-        table.port or (8883 if table.tls else 1883),
+        table.used_port,
         # The same at every connection of this flight, and nobody else's.
         f"faultline-{token_hex(6)}",
         read_secret(table.username_env, "mqtt.username_env", source, environment),
         read_secret(table.password_env, "mqtt.password_env", source, environment),
-        _build_tls_context(table, base, source),
+        _build_tls_context(table, base, source, environment),
+        table.protocol,
+        table.websocket_path,
     )
     token = (environment.get(table.token_env) if table.token_env is not None else None) or None
     exposed = not table.is_here and not table.tls and (token, broker.username, broker.password) != (None, None, None)
     return MqttSettings(
-        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed
-    )
+        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed,
+        table.clear_retained,
+    )  # fmt: skip
 
 
 def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
@@ -126,15 +122,30 @@ def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
     return IntakeRules(table.intent_max_age_s, token, closed)
 
 
-def _build_tls_context(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:
+def _build_tls_context(
+    table: MqttTable, base: Path, source: str, environment: Mapping[str, str]
+) -> ssl.SSLContext | None:
     if not table.tls:
         return None
     try:
-        return ssl.create_default_context(cafile=None if table.ca_file is None else str(base / table.ca_file))
+        made = ssl.create_default_context(cafile=None if table.ca_file is None else str(base / table.ca_file))
     except (OSError, ssl.SSLError) as error:
         why = error.strerror or type(error).__name__
         text = f"{source}: mqtt.ca_file: expected a certificate (PEM) in {table.ca_file}: {why}"
         raise SiteError(text) from error
+    if table.cert_file is None:
+        return made
+    key = None if table.key_file is None else base / table.key_file
+    password = read_secret(table.key_password_env, "mqtt.key_password_env", source, environment) or ""
+    try:
+        # Without a password OpenSSL would ask for one at the terminal.
+        made.load_cert_chain(base / table.cert_file, key, password=lambda: password)
+    except (OSError, ssl.SSLError) as error:
+        files = table.cert_file if table.key_file is None else f"{table.cert_file} and {table.key_file}"
+        why = getattr(error, "reason", None) or error.strerror or type(error).__name__
+        text = f"{source}: mqtt.cert_file: expected a certificate and its private key (PEM) in {files}: {why}"
+        raise SiteError(text) from error
+    return made
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +156,7 @@ class FlightRequest:
     base: Path
     """The folder that the site file's paths are relative to."""
     ground: site_model.SiteModel
-    plan: PlanFile
+    plan: missions.PlanFile
     """Over all of the ground's segments, for its vehicles."""
     run: Path
     truths: Callable[[SystemClock], Sequence[InjectedFault]]
@@ -154,7 +165,7 @@ class FlightRequest:
     """Where it is published."""
     below: GroundView | None = None
     """The ground around the line, where it is read already."""
-    day: DayPlanFile | None = None
+    day: missions.DayPlanFile | None = None
     """The day whose first sorties `plan` is; None for a single flight."""
     earlier: tuple[EarlierRow, ...] = ()
     """Flights whose rest is flown."""
@@ -178,9 +189,7 @@ def write_run_start(request: FlightRequest) -> None:
             _keep_file(request, table, "file", f"area{index}")
     if request.site.mqtt is not None and request.site.mqtt.ca_file is not None:
         _keep_file(request, content["mqtt"], "ca_file", "mqtt")
-    if request.site.signing is not None and request.site.signing.key_file is not None:
-        # The key stays where it is: a run directory is copied and handed on.
-        content["signing"] = {"key_file": str((request.base / request.site.signing.key_file).resolve())}
+    _keep_places_of_keys(request, content)
     # What the crew sees of it is kept; the whole picture may be as large as a county.
     content.get("map", {}).pop("background", None)
     if request.ground.terrain is not None:
@@ -191,9 +200,9 @@ def write_run_start(request: FlightRequest) -> None:
     write_whole(RunDirectory(request.run).site, tomli_w.dumps(content).encode())
     if request.ground.learned:
         build_learned_document(request.ground.learned, today()).write(RunDirectory(request.run).learned_before)
-    write_plan(RunDirectory(request.run).plan_path(0), request.plan)
+    missions.write_plan(RunDirectory(request.run).plan_path(0), request.plan)
     if request.day is not None:
-        write_plan(RunDirectory(request.run).day_plan, request.day)
+        missions.write_plan(RunDirectory(request.run).day_plan, request.day)
 
 
 def _keep_file(request: FlightRequest, table: dict[str, Any], key: str, name: str) -> None:
@@ -203,12 +212,19 @@ def _keep_file(request: FlightRequest, table: dict[str, Any], key: str, name: st
     shutil.copyfile(file, request.run / table[key])
 
 
+def _keep_places_of_keys(request: FlightRequest, content: dict[str, Any]) -> None:
+    """Name keys by their absolute paths: they stay where they are, as a run directory is copied and handed on."""
+    for table, key in (("signing", "key_file"), ("mqtt", "cert_file"), ("mqtt", "key_file")):
+        if key in content.get(table, {}):
+            content[table][key] = str((request.base / content[table][key]).resolve())
+
+
 @dataclass(frozen=True, slots=True)
 class RunStart:
     """A flight before its launch."""
 
     ground: site_model.SiteModel
-    plan: PlanFile
+    plan: missions.PlanFile
     context: Context
     state: FleetState
 
@@ -224,7 +240,7 @@ def read_run_start(run: Path) -> RunStart:
     return build_run_start(run, *read_site_and_plan(run))
 
 
-def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
+def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, missions.PlanFile]:
     """Return the site of a flight and its first plan.
 
     Raises:
@@ -234,18 +250,18 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
     kept = RunDirectory(run)
     learned = read_learned(kept.learned_before).known_by_name if kept.learned_before.exists() else {}
     ground = site_model.load_site_model(read_site(kept.site), run, learned)
-    plan = read_plan(kept.plan_path(0))
+    plan = missions.read_plan(kept.plan_path(0))
     check_plan_belongs(plan, ground, str(kept.plan_path(0)))
     return ground, plan
 
 
-def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> RunStart:
+def build_run_start(run: Path, ground: site_model.SiteModel, plan: missions.PlanFile) -> RunStart:
     """Return what a flight began with, as `read_run_start`."""
     answers = read_vehicle_answers(run)
     rows = {row.name: row for row in answers.vehicles}
     pads = _build_pads(rows, ground.names)
     setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
-    dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
+    dialects = {table.name: missions.dialect_for(table.autopilot) for table in ground.site.vehicle}
     parameters = {name: row.parameters for name, row in rows.items() if name in dialects}
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)
@@ -263,9 +279,9 @@ def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> 
 
 def build_context_and_boards(
     ground: site_model.SiteModel,
-    setup: FlightSetup,
-    plan: PlanFile,
-    day: DayPlanFile | None,
+    setup: missions.FlightSetup,
+    plan: missions.PlanFile,
+    day: missions.DayPlanFile | None,
     own: Mapping[str, LinkFailsafe],
     parameters: Mapping[str, Mapping[str, float]],
 ) -> tuple[Context, dict[str, OnboardMission | None]]:
@@ -279,9 +295,9 @@ def build_context_and_boards(
         own: What each vehicle does by itself in silence.
         parameters: What each vehicle answered.
     """
-    dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
+    dialects = {table.name: missions.dialect_for(table.autopilot) for table in ground.site.vehicle}
     performances = {
-        name: apply_tunings(dialects[name].performance, dialects[name].tunings, known)
+        name: missions.apply_tunings(dialects[name].performance, dialects[name].tunings, known)
         for name, known in parameters.items()
     }
     task = plan.build_task()
@@ -299,11 +315,11 @@ def build_context_and_boards(
     }
 
 
-def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:
+def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[missions.Pad] | None:
     pads = []
     for name in names:
         row = rows.get(name)
         if row is None or row.pad is None:
             return None  # an older directory: the pads are those that the site gives
-        pads.append(Pad(name, row.pad.east_m, row.pad.north_m, row.pad.alt_m))
+        pads.append(missions.Pad(name, row.pad.east_m, row.pad.north_m, row.pad.alt_m))
     return pads

@@ -22,15 +22,8 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import ClassVar, Self, TypeVar
 
+from executor.core.interface import messages
 from executor.core.interface.codes import Ending
-from executor.core.interface.messages import (
-    FileReply,
-    FileRequest,
-    Message,
-    MissionItemInt,
-    MissionRequest,
-    Outgoing,
-)
 from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
 from missions.items import MissionItem, MissionKind
 from missions.stored_items import predict_stored_item
@@ -66,8 +59,8 @@ class FileOperation(IntEnum):
 
 
 F = TypeVar("F", bound="MissionFileUpload")
-Sent = tuple[Outgoing, ...]
-Request = FileRequest | MissionRequest
+Sent = tuple[messages.Outgoing, ...]
+Request = messages.FileRequest | messages.MissionRequest
 Step = tuple[Request, ...]
 """Requests of which none waits for another; all are answered before the next step."""
 
@@ -136,11 +129,11 @@ class MissionFileUpload(DialogueMachine):
         stored = (self.home, *map(predict_stored_item, self.items[1:]))
         return self.checksum in set(_list_checksums(stored))
 
-    def _take(self, message: Message, now_s: float) -> tuple[Self, Sent]:
+    def _take(self, message: messages.Message, now_s: float) -> tuple[Self, Sent]:
         asked = next((one for one in self.under_way if _is_answer(message, one.request)), None)
         if asked is None:
             return self, ()
-        opens, error = _is_opening(asked), message.error if isinstance(message, FileReply) else None
+        opens, error = _is_opening(asked), message.error if isinstance(message, messages.FileReply) else None
         closes = len(self.steps) == 1
         if error is not None and not closes:
             if opens or self.is_open:
@@ -153,11 +146,11 @@ class MissionFileUpload(DialogueMachine):
             self, under_way=left, round_trip=trip, is_open=self.is_open or opens, heard_s=now_s, tries=0,
             is_doubtful=self.is_doubtful or (closes and error is not None),
         )  # fmt: skip
-        if isinstance(message, MissionItemInt):
+        if isinstance(message, messages.MissionItemInt):
             state = replace(state, home=message.item)
         elif asked.again and closes and _give_number(asked.request, 0) == _CLOSE:
             state = replace(state, steps=((*self.steps[0], _CHECK),))  # the first may have been answered before it
-        elif isinstance(message, FileReply) and len(message.data) == CHECKSUM.size:
+        elif isinstance(message, messages.FileReply) and len(message.data) == CHECKSUM.size:
             state = replace(state, checksum=CHECKSUM.unpack(message.data)[0])
         return _ask(state, now_s)
 
@@ -181,12 +174,12 @@ class MissionFileUpload(DialogueMachine):
         return tuple(_give_number(step[0], self.number + n) for n, step in enumerate(_DROP))
 
 
-def _write(offset: int, data: bytes) -> FileRequest:
-    return FileRequest(SESSION, FileOperation.WRITE, offset, data)
+def _write(offset: int, data: bytes) -> messages.FileRequest:
+    return messages.FileRequest(SESSION, FileOperation.WRITE, offset, data)
 
 
-_CLOSE = FileRequest(SESSION, FileOperation.CLOSE)
-_CHECK = FileRequest(SESSION, FileOperation.CHECKSUM, data=NAME)
+_CLOSE = messages.FileRequest(SESSION, FileOperation.CLOSE)
+_CHECK = messages.FileRequest(SESSION, FileOperation.CHECKSUM, data=NAME)
 _NO_HEADER = bytes(HEADER.size)
 _DROP: tuple[Step, ...] = ((_write(0, _NO_HEADER),), (_CLOSE,))
 """Closes a file that must not be taken."""
@@ -215,8 +208,8 @@ def _list_steps(items: tuple[MissionItem, ...], first: int) -> tuple[Step, ...]:
     parts = (_write(HEADER.size + at, data[at : at + size]) for at in range(0, len(data), size))
     header = HEADER.pack(MAGIC, MissionKind.MISSION, KEEP_THE_REST, first, len(items) - first)
     return (
-        (FileRequest(SESSION, FileOperation.OPEN_TO_WRITE, data=NAME), _write(0, _NO_HEADER), *parts),
-        (_write(0, header), _CLOSE, _CHECK, MissionRequest(0)),
+        (messages.FileRequest(SESSION, FileOperation.OPEN_TO_WRITE, data=NAME), _write(0, _NO_HEADER), *parts),
+        (_write(0, header), _CLOSE, _CHECK, messages.MissionRequest(0)),
     )
 
 
@@ -230,14 +223,14 @@ def _restart(state: F, now_s: float, before: tuple[Step, ...] = ()) -> tuple[F, 
 
 
 def _is_opening(asked: _Asked) -> bool:
-    return isinstance(asked.request, FileRequest) and asked.request.operation == FileOperation.OPEN_TO_WRITE
+    return isinstance(asked.request, messages.FileRequest) and asked.request.operation == FileOperation.OPEN_TO_WRITE
 
 
-def _is_answer(message: Message, request: Request) -> bool:
+def _is_answer(message: messages.Message, request: Request) -> bool:
     match message, request:
-        case FileReply(number, session), FileRequest():
+        case messages.FileReply(number, session), messages.FileRequest():
             return (number, session) == (request.number, request.session)
-        case MissionItemInt(item, kind), MissionRequest(seq, asked):
+        case messages.MissionItemInt(item, kind), messages.MissionRequest(seq, asked):
             return (item.seq, kind) == (seq, asked)
         case _:
             return False
@@ -276,7 +269,7 @@ def _ask(state: F, now_s: float) -> tuple[F, Sent]:
 
 
 def _give_number(request: Request, number: int) -> Request:
-    return replace(request, number=number & 0xFFFF) if isinstance(request, FileRequest) else request
+    return replace(request, number=number & 0xFFFF) if isinstance(request, messages.FileRequest) else request
 
 
 def _wait(state: F) -> F:

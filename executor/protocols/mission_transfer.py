@@ -130,7 +130,6 @@ class UploadDialogue(DialogueMachine):
 
     @property
     def _is_asked(self) -> bool:
-        """Whether it has asked for one over this link."""
         return self.furthest >= 0
 
     @property
@@ -155,7 +154,6 @@ class UploadDialogue(DialogueMachine):
         return _announce_items(replace(self, counted_s=now_s, heard_s=now_s), now_s)
 
     def _take(self, message: messages.Message, now_s: float) -> tuple[Self, Sent]:
-        """Answer requests; end on an acknowledgement that is final."""
         match message:
             case messages.MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
@@ -169,7 +167,6 @@ class UploadDialogue(DialogueMachine):
                 return self, ()
 
     def _expire(self, now_s: float) -> tuple[Self, Sent]:
-        """Repeat what may be repeated, or give up."""
         if not self._is_asked:
             left = self.moved and now_s - self.heard_s < self.silence_s - SAME_S
             if self.counts_sent >= COUNT_TRIES and not left:
@@ -405,7 +402,6 @@ class DownloadDialogue(DialogueMachine):
 
     @property
     def _open(self) -> str:
-        """What is asked for, in words."""
         if self.broke_off_at or self.count is None:
             return self.broke_off_at or "the count"
         return f"item {self.first + len(self.items)} of {self.count}"

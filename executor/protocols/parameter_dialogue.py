@@ -88,7 +88,6 @@ class ParameterReading(DialogueMachine):
         return _fill_pipeline(replace(self, began_s=now_s, heard_s=now_s), now_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Take an answer, and ask for the next."""
         if not isinstance(message, ParamValue | ParamRefused):
             return self, ()
         control, name = self.control, message.name

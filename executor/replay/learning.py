@@ -20,16 +20,7 @@ import numpy as np
 import tomli_w
 from pydantic import ValidationError
 
-from executor.core.interface.messages import (
-    Battery,
-    FlightMessage,
-    Heartbeat,
-    Position,
-    RcChannels,
-    SystemStatus,
-    Traffic,
-    VehicleSetting,
-)
+from executor.core.interface import messages
 from executor.core.state.vehicle_parts import ModeEvidence
 from executor.core.telemetry.mode_evidence import record_evidence
 from executor.errors import LogError
@@ -103,9 +94,9 @@ class _LogReading:
     """One system in one log, message by message into its notes."""
 
     notes: AircraftNotes
-    beat: Heartbeat | None = None
+    beat: messages.Heartbeat | None = None
     """The last one; None until it is known to be a copter."""
-    place: Position | None = None
+    place: messages.Position | None = None
     placed_s: float = -math.inf
     flown_until_s: float | None = None
     """When a position showed last that it flies."""
@@ -120,26 +111,26 @@ class _LogReading:
     """When the mode changed."""
     minutes: dict[int, tuple[int, int]] = field(default_factory=dict)
 
-    def read_message(self, message: FlightMessage, now_s: float) -> None:
+    def read_message(self, message: messages.FlightMessage, now_s: float) -> None:
         """Take what the system says; until it is known to be a copter only its settings."""
-        if self.beat is None and not isinstance(message, Heartbeat | VehicleSetting):
+        if self.beat is None and not isinstance(message, messages.Heartbeat | messages.VehicleSetting):
             return
         match message:
-            case Heartbeat():
+            case messages.Heartbeat():
                 self._read_heartbeat(message, now_s)
-            case Position():
+            case messages.Position():
                 self._read_position(message, now_s)
-            case Battery(battery=0) | SystemStatus():
+            case messages.Battery(battery=0) | messages.SystemStatus():
                 self._read_battery(message, now_s)
-            case VehicleSetting() | RcChannels():
+            case messages.VehicleSetting() | messages.RcChannels():
                 self._read_transmitter(message, now_s)
-            case Traffic(received, missing):
+            case messages.Traffic(received, missing):
                 before = self.minutes.get(minute := int(now_s // 60), (0, 0))
                 self.minutes[minute] = (before[0] + received, before[1] + missing)
             case _:
                 pass
 
-    def _read_heartbeat(self, beat: Heartbeat, now_s: float) -> None:
+    def _read_heartbeat(self, beat: messages.Heartbeat, now_s: float) -> None:
         if self.beat is None and not is_known_copter(beat):
             return
         if self.beat is not None and beat.custom_mode != self.beat.custom_mode:
@@ -151,7 +142,7 @@ class _LogReading:
             self.disarmed_s = now_s
         self.flown_until_s = self.flown_until_s if beat.armed else None
 
-    def _read_position(self, place: Position, now_s: float) -> None:
+    def _read_position(self, place: messages.Position, now_s: float) -> None:
         self.place, self.placed_s = place, now_s
         if not self._is_armed() or place.alt_rel_m <= HIGH_M:
             return
@@ -159,18 +150,18 @@ class _LogReading:
             self.notes.flown_s += min(STALE_S, now_s - self.flown_until_s)
         self.flown_until_s = now_s
 
-    def _read_battery(self, said: Battery | SystemStatus, now_s: float) -> None:
-        if isinstance(said, Battery):
+    def _read_battery(self, said: messages.Battery | messages.SystemStatus, now_s: float) -> None:
+        if isinstance(said, messages.Battery):
             self.consumed_ah = said.consumed_ah
         else:
             self.has_status = True
-        if self.has_status == isinstance(said, SystemStatus):
+        if self.has_status == isinstance(said, messages.SystemStatus):
             self._add_report(said, now_s)
 
-    def _read_transmitter(self, said: VehicleSetting | RcChannels, now_s: float) -> None:
+    def _read_transmitter(self, said: messages.VehicleSetting | messages.RcChannels, now_s: float) -> None:
         """Note a setting, of which some say what its channels mean, or a switch that was moved."""
         known, self.evidence = self.evidence, record_evidence(self.evidence, said, now_s)
-        if isinstance(said, VehicleSetting):
+        if isinstance(said, messages.VehicleSetting):
             self.notes.settings[said.name] = said.value
         elif self.evidence.switched != known.switched:
             self.switched.append((now_s, self.evidence.switched[-1].channel))
@@ -178,7 +169,7 @@ class _LogReading:
     def _is_armed(self) -> bool:
         return self.beat is not None and self.beat.armed
 
-    def _add_report(self, said: Battery | SystemStatus, now_s: float) -> None:
+    def _add_report(self, said: messages.Battery | messages.SystemStatus, now_s: float) -> None:
         """Note what the battery says in the air, with how it flies, or at rest."""
         if not self._is_armed():
             if said.voltage_v and now_s > self.disarmed_s + RESTS_S:

@@ -37,16 +37,7 @@ from executor.core.state import legs
 from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
 from executor.core.telemetry.battery_reports import pack_facts_of
 from executor.core.telemetry.vehicle_identity import describe_autopilot, describe_foreign_system, describe_vehicle_type
-from executor.replay.replay_result import (
-    Declaration,
-    ImpairedPeriod,
-    LogReplay,
-    ModeTransition,
-    PackBook,
-    ReplaySample,
-    SampleTrace,
-    VehicleReplay,
-)
+from executor.replay import replay_result
 from executor.site import site_model
 from executor.site.site_file import Site
 from missions import AUTOPILOTS, Dialect, LocalFrame, dialect_of
@@ -102,7 +93,7 @@ def build_replay_rules(site: Site | None) -> ReplayRules:
     return ReplayRules() if site is None else ReplayRules(limits=site_model.build_limits(site), site=site)
 
 
-def replay_log(file: RecordedFile, rules: ReplayRules) -> LogReplay:
+def replay_log(file: RecordedFile, rules: ReplayRules) -> replay_result.LogReplay:
     """Replay one log.
 
     Args:
@@ -191,8 +182,8 @@ class FlightBook:
 class FollowedVehicle:
     """What is kept of a vehicle beside its state."""
 
-    trace: SampleTrace = field(default_factory=SampleTrace)
-    packs: PackBook = field(default_factory=PackBook)
+    trace: replay_result.SampleTrace = field(default_factory=replay_result.SampleTrace)
+    packs: replay_result.PackBook = field(default_factory=replay_result.PackBook)
     flights: FlightBook = field(default_factory=FlightBook)
     flown_s: float = 0.0
     beat_s: float | None = None
@@ -210,28 +201,30 @@ class FollowedVehicle:
 
     def build_replay(
         self, setup: VehicleSetup, found: Iterable[Finding], to_usec: Callable[[float], int], ended_s: float
-    ) -> VehicleReplay:
+    ) -> replay_result.VehicleReplay:
         """Return what was found of it, in the log's own time; what was not over then lasts to the end."""
         mine = [one for one in found if one.vehicle == setup.name]
         degraded = sorted((one for one in mine if isinstance(one, Degradation)), key=lambda one: one.from_s)
-        return VehicleReplay(
+        return replay_result.VehicleReplay(
             sysid=setup.sysid,
             name=setup.name,
             autopilot=setup.dialect.name,
             declarations=tuple(
-                Declaration(one.kind, one.reason, to_usec(one.at_s), one.evidence)
+                replay_result.Declaration(one.kind, one.reason, to_usec(one.at_s), one.evidence)
                 for one in mine
                 if isinstance(one, DeclaredFault)
             ),
             degraded=tuple(
-                ImpairedPeriod(one.kind, one.reason, to_usec(one.from_s), to_usec(one.to_s or ended_s), one.evidence)
+                replay_result.ImpairedPeriod(
+                    one.kind, one.reason, to_usec(one.from_s), to_usec(one.to_s or ended_s), one.evidence
+                )
                 for one in degraded
             ),
             flown_s=self.flown_s,
             samples=tuple(self.trace.samples),
             packs=self.packs.close_flights(),
             modes=tuple(
-                ModeTransition(to_usec(one.at_s), one.mode, one.by, one.why)
+                replay_result.ModeTransition(to_usec(one.at_s), one.mode, one.by, one.why)
                 for one in mine
                 if isinstance(one, ObservedModeChange)
             ),
@@ -405,8 +398,7 @@ class _Player:
         self._followed[setup.name] = FollowedVehicle()
         return setup.name
 
-    def build_result(self) -> LogReplay:
-        """Return what was found, once the log has ended."""
+    def build_result(self) -> replay_result.LogReplay:
         if self._clock.began_usec is not None:
             # What it said last is judged, too.
             self._next_s = min(self._next_s, self._now_s)
@@ -432,7 +424,7 @@ class _Player:
         notes += [note for name, one in self._followed.items() if (note := one.flights.describe_missionless(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
-        return LogReplay(
+        return replay_result.LogReplay(
             self._file.path, vehicles, self._file.skipped, self._clock.began_usec or 0, self._now_s, tuple(notes)
         )
 
@@ -462,7 +454,6 @@ def _began_s(found: Finding) -> float:
 
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
-    """Return whether nothing is to be expected of a vehicle in the next moments."""
     if vehicle.stage in {Stage.LOST, Stage.GROUND, Stage.LANDED}:
         return True
     silent = vehicle.link.heard_s is not None and at_s - vehicle.link.heard_s > CALM_S
@@ -470,7 +461,6 @@ def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
 
 
 def _is_draining(vehicle: VehicleState) -> bool:
-    """Return whether more is used than usual."""
     known = vehicle.power.battery
     return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
 
@@ -491,7 +481,6 @@ def _build_empty_scene(rules: ReplayRules) -> Scene:
 
 
 def _build_setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
-    """Return what is known of a vehicle without its plan."""
     site = rules.site
     table = None if site is None else next((one for one in site.vehicle if one.sysid == system), None)
     timeout_s = rules.link_timeout_s if site is None else site_model.link_timeout_s(site, dialect)
@@ -509,11 +498,11 @@ def _build_setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board:
     )
 
 
-def sample_vehicle(scene: Scene, vehicle: VehicleState, at_s: float) -> ReplaySample:
+def sample_vehicle(scene: Scene, vehicle: VehicleState, at_s: float) -> replay_result.ReplaySample:
     """Return what a picture shows of a vehicle at one moment."""
     estimate = vehicle.power.battery.estimate
     ahead = legs.project_landing(scene, vehicle, scene.vehicles[vehicle.name])
-    return ReplaySample(
+    return replay_result.ReplaySample(
         at_s=at_s,
         remaining_pct=vehicle.power.battery.remaining_pct,
         estimate_pct=None if estimate is None else estimate.remaining_pct,

@@ -192,7 +192,6 @@ class PackBook:
         return max(0.0, now_v, 0.0 if self._latest is None else self._latest.sag_cell_v or 0.0)
 
     def _capacity_ah(self, flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, float] | None:
-        """Return what the flights of this pack so far say of its capacity."""
         mine = [one for one in self.flights if one.pack == flight.pack]
         if not mine or flight.counted_ah is None or any(one.counted_ah is None for one in mine):
             return capacity_ah(flight, chemistry)

@@ -20,7 +20,7 @@ from executor.core.context import Context
 from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.passive_watch import DeclaredFault, Degradation, Finding
 from executor.core.inflight.faults.watch_view import WatchView
-from executor.core.interface.commands import Command, Say
+from executor.core.interface.commands import Say
 from executor.core.interface.events import Tick
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.core.state.fleet_state import FleetState
@@ -79,7 +79,7 @@ def replay_run(run: Path) -> RunReplay:
         # An internal error in one decision changed nothing in flight; it changes nothing here.
         with suppress(Exception):
             state, commands = fleet_step.step(context, state, event, at_s)
-            decided += [(at_s, _to_plain(command)) for command in commands]
+            decided += [(at_s, one.text if isinstance(one, Say) else to_plain(one)) for one in commands]
         if isinstance(event, Tick):
             watch.update(state, at_s)
     comparison = compare_decisions(list(read_decisions(events)), decided)
@@ -89,10 +89,6 @@ def replay_run(run: Path) -> RunReplay:
         notes = (f"recorded by a version with other words: {comparison.reworded}",)
     began_usec = round(head.began_unix_s * 1e6)
     return RunReplay(run, vehicles, SkippedRecords(), began_usec, at_s, notes, comparison=comparison, state=state)
-
-
-def _to_plain(command: Command) -> object:
-    return command.text if isinstance(command, Say) else to_plain(command)
 
 
 def compare_decisions(logged: Sequence[Decided], replayed: Sequence[Decided]) -> DecisionComparison:
@@ -147,7 +143,6 @@ class _Watch:
         self._looked_s: float | None = None
 
     def update(self, state: FleetState, now_s: float) -> None:
-        """Look at everybody."""
         since_s = now_s if self._looked_s is None else self._looked_s
         self._looked_s = now_s
         for name, vehicle in state.vehicles.items():
@@ -159,7 +154,6 @@ class _Watch:
     def build_vehicle_replays(
         self, state: FleetState, began_unix_s: float, ended_s: float
     ) -> tuple[VehicleReplay, ...]:
-        """Return every vehicle as the replay of a log has it."""
 
         def usec(at_s: float) -> int:
             return round((began_unix_s + at_s) * 1e6)

@@ -328,7 +328,6 @@ def _send_all(link: Link, messages: Iterable[Outgoing]) -> None:
 
 
 async def _receive_within(inbox: asyncio.Queue[Message], real_s: float) -> Message | None:
-    """Return the next message, or nothing once that time has passed."""
     try:
         async with asyncio.timeout(max(0.0, real_s)):
             return await inbox.get()

@@ -356,7 +356,6 @@ class Flight:
         self.apply(event)
 
     def _stop_commanding(self, vehicle: str) -> None:
-        """Say nothing more to a vehicle that a person has."""
         job = self._jobs.get(vehicle)
         if job is not None and vehicle not in self._whole:
             job.cancel()

@@ -16,7 +16,6 @@ class LinkChanges:
     """Which link is in use, as far as it was said."""
 
     def __init__(self, links: Mapping[str, Link]) -> None:
-        """Begin with what is in use now."""
         self._links = links
         self._used = {name: one.ways[0] for name, one in links.items()}
         self._said_s: dict[str, float] = {}

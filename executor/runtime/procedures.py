@@ -22,16 +22,8 @@ from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, Up
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
+from executor.runtime import dialogue
 from executor.runtime.channel import channel_of
-from executor.runtime.dialogue import (
-    LEAST_WAIT_S,
-    awake,
-    count_awake_time,
-    listen_to,
-    run_dialogue,
-    times_slower,
-    underlying,
-)
 from missions import Dialect, MissionItem, MissionKind, StartStep, compute_list_checksum, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
@@ -103,7 +95,7 @@ class UploadNeed:
     """How many items were read then."""
 
 
-@count_awake_time
+@dialogue.count_awake_time
 async def upload_and_verify(
     link: Link,
     clock: Clock,
@@ -128,13 +120,13 @@ async def upload_and_verify(
     """
     need = need or UploadNeed()
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
-    busy, broken_off, real_began_s = 0, False, underlying(clock).now_s()
+    busy, broken_off, real_began_s = 0, False, dialogue.underlying(clock).now_s()
     code: Ending | None = None
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
         patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
-        tries = UPLOAD_TRIES * times_slower(clock, real_began_s, began_s)
+        tries = UPLOAD_TRIES * dialogue.times_slower(clock, real_began_s, began_s)
         if attempt >= tries and not 0 < busy < BUSY_TRIES and clock.now_s() - began_s > patience_s:
             break
         if attempt:
@@ -145,7 +137,7 @@ async def upload_and_verify(
                     accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION
                 )
             if waited and not attempt:
-                began_s, real_began_s = clock.now_s(), underlying(clock).now_s()
+                began_s, real_began_s = clock.now_s(), dialogue.underlying(clock).now_s()
             upload = await _upload_as_needed(link, clock, dialect, items, kind, need)
             proof = await _prove_on_board(link, clock, dialect, upload, need.alike)
         mixed = mixed or _may_leave_mixture(upload, dialect)
@@ -175,7 +167,7 @@ async def _upload_as_needed(
     """Upload once: the new part alone, as a file, to a vehicle that takes it so; everything else item by item."""
     if dialect.takes_mission_file and need.alike > 0 and need.on_board <= len(items):
         first, number = min(need.alike, len(items) - 1), next(_FILE_NUMBERS) & 0xFFFF
-        file = await run_dialogue(MissionFileUpload(items, first, number), link, clock)
+        file = await dialogue.run_dialogue(MissionFileUpload(items, first, number), link, clock)
         if file.is_open:
             return file
     return await upload_once(link, clock, dialect, items, kind)
@@ -204,7 +196,7 @@ async def _prove_on_board(
     waits_s = max(reading.round_trip.waits_s, trip.waits_s)
     reading = replace(reading, round_trip=replace(reading.round_trip, waits_s=waits_s))
     for _ in range(READ_BACK_TRIES if upload.accepted else 1):
-        download = await run_dialogue(reading, link, clock)
+        download = await dialogue.run_dialogue(reading, link, clock)
         if download.accepted:
             break
     if not download.accepted:
@@ -266,7 +258,7 @@ async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | No
 
 async def read_list(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
     """Read one of a vehicle's lists; None if it does not let it be read."""
-    download = await run_dialogue(DownloadDialogue(kind), link, clock)  # at the pace of any autopilot
+    download = await dialogue.run_dialogue(DownloadDialogue(kind), link, clock)  # at the pace of any autopilot
     return download.items if download.accepted else None
 
 
@@ -294,7 +286,7 @@ async def upload_and_verify_fence(
 
     if not wanted(False):
         return ProcedureResult(accepted=False, reason="it has left its mission", code=Ending.LEFT_MISSION)
-    with listen_to(link, note):
+    with dialogue.listen_to(link, note):
         done = await upload_and_verify(link, clock, dialect, items, wanted, kind=MissionKind.FENCE)
         if done.accepted and items and dialect.geofence.checked_on_load:
             await asyncio.sleep(DROPPED_S / clock.speedup)
@@ -312,7 +304,7 @@ async def upload_once(
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    return await run_dialogue(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
+    return await dialogue.run_dialogue(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
 
 
 async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:
@@ -337,7 +329,7 @@ async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> Procedure
         if isinstance(message, StatusText) and message.severity <= 4:
             said.append(message.text)
 
-    with awake(clock) as able, listen_to(link, note):
+    with dialogue.awake(clock) as able, dialogue.listen_to(link, note):
         has_paused = able.watch_pauses()
         for step in dialect.start:
             if has_paused():
@@ -380,7 +372,7 @@ async def _start_step(
             return await switch_mode(link, clock, dialect.modes.mission)
 
 
-@count_awake_time
+@dialogue.count_awake_time
 async def _arm(link: Link, clock: Clock, has_paused: Callable[[], bool]) -> ProcedureResult:
     """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
 
@@ -388,7 +380,9 @@ async def _arm(link: Link, clock: Clock, has_paused: Callable[[], bool]) -> Proc
     """
     until_s = clock.now_s() + ARM_PATIENCE_S
     modes: set[int] = set()
-    with listen_to(link, lambda message: modes.add(message.custom_mode) if isinstance(message, Heartbeat) else None):
+    with dialogue.listen_to(
+        link, lambda message: modes.add(message.custom_mode) if isinstance(message, Heartbeat) else None
+    ):
         while len(modes) < 2:
             done = await send_order(link, clock, CommandDialogue(vehicle_commands.arm(), "arm"))
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
@@ -421,7 +415,6 @@ async def give_order(link: Link, clock: Clock, dialect: Dialect, order: Order) -
 
 
 async def _order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
-    """Order the motors to stop, and see that the vehicle says so."""
     done = await send_order(link, clock, CommandDialogue(vehicle_commands.disarm(force=force), "disarm"))
     if not done.accepted:
         return done
@@ -484,12 +477,12 @@ async def _wait_for_confirmation(
     )
 
 
-@count_awake_time
+@dialogue.count_awake_time
 async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], timeout_s: float) -> bool:
     """Wait for a message; returns whether it came."""
     came, until_s = asyncio.Event(), clock.now_s() + timeout_s
-    with listen_to(link, lambda message: came.set() if wanted(message) else None):
-        while not came.is_set() and (left_s := until_s - clock.now_s()) > LEAST_WAIT_S:
+    with dialogue.listen_to(link, lambda message: came.set() if wanted(message) else None):
+        while not came.is_set() and (left_s := until_s - clock.now_s()) > dialogue.LEAST_WAIT_S:
             with suppress(TimeoutError):
                 async with asyncio.timeout(left_s / clock.speedup):
                     await came.wait()
@@ -506,12 +499,12 @@ async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind:
     return _build_result(await _run_patiently(ParameterDialogue(name, SendParamSet(name, value, kind)), link, clock))
 
 
-@count_awake_time
+@dialogue.count_awake_time
 async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
     """Ask, and ask again while a busy computer may be why nobody answers."""
     began_s = clock.now_s()
     while True:
-        ended = await run_dialogue(question, link, clock)
+        ended = await dialogue.run_dialogue(question, link, clock)
         waited_s = clock.now_s() - began_s
         if not isinstance(ended.outcome, TimedOut) or waited_s >= PATIENCE_REAL_S * clock.speedup:
             return ended
@@ -536,7 +529,7 @@ async def is_stream_on(link: Link, clock: Clock, message: int) -> bool | None:
         if isinstance(heard, MessageInterval) and heard.message == message:
             told.append(heard.sent)
 
-    with listen_to(link, note):
+    with dialogue.listen_to(link, note):
         await send_order(link, clock, CommandDialogue(vehicle_commands.ask_interval(message), "stream"))
     return told[-1] if told else None
 

@@ -15,17 +15,7 @@ from executor.core.interface import messages
 from executor.core.interface.codes import Severity
 from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import fence_changes, onboard_failsafes, vehicle_checks
-from executor.core.preflight.parameter_changes import (
-    LIST_WORDS,
-    UNASKED,
-    Answers,
-    KeptParameter,
-    ParameterProposal,
-    Present,
-    list_newer_return_parameters,
-    list_return_parameters,
-)
+from executor.core.preflight import fence_changes, onboard_failsafes, parameter_changes, vehicle_checks
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare, list_streams_hz
 from executor.core.resume.reconciliation import compare_onboard_mission
@@ -137,7 +127,6 @@ class _VehicleAnswers:
 
     @property
     def is_unarmable(self) -> bool:
-        """Whether its own checks fail."""
         return self.status is not None and self.status.prearm_ok is False
 
     def find_missing(self) -> str:
@@ -277,16 +266,21 @@ async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> N
         await procedures.wait_for(link, clock, lambda _: heard.version is not None, BANNER_TIMEOUT_S)
 
 
-async def read_present(context: Context, name: str, link: Link, clock: Clock) -> Answers:
+async def read_present(context: Context, name: str, link: Link, clock: Clock) -> parameter_changes.Answers:
     """Return what a vehicle has of the parameters that a flight may change on it."""
     dialect = context.vehicles[name].dialect
-    names = (*list_return_parameters(dialect), *fence_changes.list_fence_parameters(context, name))
-    return await read_parameters(link, clock, names, lambda present: list_newer_return_parameters(dialect, present))
+    names = (*parameter_changes.list_return_parameters(dialect), *fence_changes.list_fence_parameters(context, name))
+    return await read_parameters(
+        link, clock, names, lambda present: parameter_changes.list_newer_return_parameters(dialect, present)
+    )
 
 
 async def read_parameters(
-    link: Link, clock: Clock, names: Iterable[str], others: Callable[[Present], Iterable[str]] = lambda _: ()
-) -> Answers:
+    link: Link,
+    clock: Clock,
+    names: Iterable[str],
+    others: Callable[[parameter_changes.Present], Iterable[str]] = lambda _: (),
+) -> parameter_changes.Answers:
     """Read parameters at the pace of the link, until each is answered, or not there, or the link is silent.
 
     Args:
@@ -301,10 +295,10 @@ async def read_parameters(
         return answers
     # One that is there goes with them: beside it a silence can be told from the link's.
     found = await _read_at_pace(link, clock, (*more, *tuple(answers.present)[:1]))
-    return Answers({**answers.present, **found.present}, found.unread.difference(answers.present))
+    return parameter_changes.Answers({**answers.present, **found.present}, found.unread.difference(answers.present))
 
 
-async def _read_at_pace(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
+async def _read_at_pace(link: Link, clock: Clock, names: Iterable[str]) -> parameter_changes.Answers:
     present: dict[str, messages.ParamValue] = {}
     began_s, unread = clock.now_s(), tuple(names)
     while unread:
@@ -313,14 +307,14 @@ async def _read_at_pace(link: Link, clock: Clock, names: Iterable[str]) -> Answe
         unread = tuple(name for name in unread if name in reading.unread)
         if clock.now_s() - began_s >= procedures.PATIENCE_REAL_S * clock.speedup or reading.refused:
             break
-    return Answers(present, frozenset(unread))
+    return parameter_changes.Answers(present, frozenset(unread))
 
 
-async def set_changes(link: Link, clock: Clock, changes: Iterable[KeptParameter]) -> dict[str, str]:
+async def set_changes(link: Link, clock: Clock, changes: Iterable[parameter_changes.KeptParameter]) -> dict[str, str]:
     """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
     ends = {}
     for change in changes:
-        if change.name == UNASKED:
+        if change.name == parameter_changes.UNASKED:
             off = dialect_for(change.autopilot).unasked_hz
             ends[change.name] = await procedures.send_to_streams(link, clock, off, vehicle_commands.stop_message)
             continue
@@ -366,7 +360,7 @@ async def load_mission(
 
 async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return {kind: await procedures.read_list(link, clock, kind) for kind in LIST_WORDS}
+    return {kind: await procedures.read_list(link, clock, kind) for kind in parameter_changes.LIST_WORDS}
 
 
 async def upload_list(
@@ -445,7 +439,7 @@ async def examine_vehicle(
     )
 
 
-def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:
+def _unknown(facts: VehicleFacts, proposal: parameter_changes.ParameterProposal) -> str:
     """Return what cannot be known of its parameters; empty if everything is."""
     if facts.unread:
         return onboard_failsafes.describe_unread_parameters(facts.unread)

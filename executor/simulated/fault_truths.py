@@ -10,21 +10,11 @@ from executor.analysis.report import InjectedFault
 from simulator.truth import Truth, read_truths
 
 KINDS = {
-    "silent": "link",
-    "battery-step": "battery",
-    "drain": "battery",
-    "crash": "interruption",
-    "weak": "interruption",
-    "reboot": "interruption",
-    "refuse-upload": "interruption",
-    "half-upload": "interruption",
-    "fence": "fence",
-    "gps": "interruption",
-    "camera-silent": "payload",
-    "camera-mute": "payload",
-    "card-full": "payload",
+    "silent": "link", "battery-step": "battery", "drain": "battery", "crash": "interruption", "weak": "interruption",
+    "reboot": "interruption", "refuse-upload": "interruption", "half-upload": "interruption", "fence": "fence",
+    "gps": "interruption", "camera-silent": "payload", "camera-mute": "payload", "card-full": "payload",
     "gimbal-stuck": "payload",
-}
+}  # fmt: skip
 """What a fault that the simulator injects should be declared as."""
 
 

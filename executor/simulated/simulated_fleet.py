@@ -23,7 +23,15 @@ from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import default_network_path, dialect_for, read_network
 from simulator.camera import CapturedImage, format_picture_name
-from simulator.config import OTHER_STATION, AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
+from simulator.config import (
+    OTHER_STATION,
+    PX4_RATE_BYTES_S,
+    AutopilotKind,
+    Signing,
+    SimCamera,
+    SimFleet,
+    SimVehicle,
+)
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle, run_fleet
 from simulator.radio import parse_radio
@@ -77,10 +85,6 @@ class SimulatedCards:
         path = folder / format_picture_name(shot.number)
         image.save(path, "JPEG", quality=60, exif=tags)
         return path
-
-
-PX4_RATE_BYTES_S = 1200.0
-"""MAV_0_RATE as PX4 comes, on a telemetry radio."""
 
 
 def fleet_of(

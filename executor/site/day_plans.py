@@ -499,7 +499,6 @@ def _price_first_landings(content: DayPlanFile) -> Pricing:
 
 
 def _select_first_day(content: DayPlanFile) -> dict[str, tuple[PlanRoute, ...]]:
-    """Return each vehicle's sorties of the first day."""
     until_s = content.days[0][1]
     return {name: tuple(one for one in content.routes_of(name) if one.start_s < until_s) for name in content.names}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -16,7 +16,11 @@ class MqttTable(SiteTable):
     host: HostName = "127.0.0.1"
     """Host name or address of the broker."""
     port: Annotated[int, Field(ge=1, le=65535)] | None = None
-    """Port of the broker; without it 1883, and 8883 with TLS."""
+    """Port of the broker; without it 1883, and 8883 with TLS; over a websocket 80 and 443."""
+    protocol: Literal["3.1.1", "5"] = "3.1.1"
+    """Version of MQTT that the broker is asked for."""
+    websocket_path: Annotated[str, Field(max_length=1000, pattern=r"^/[!-~]*$")] | None = None
+    """Connect over a websocket at this path, such as `/mqtt`; without it over TCP."""
     prefix: Annotated[str, Field(max_length=100, pattern=r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")] = "faultline"
     """First part of all topics; flights that are published at the same time need one each."""
     telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
@@ -25,6 +29,12 @@ class MqttTable(SiteTable):
     """Connect with TLS."""
     ca_file: FileName | None = None
     """CA certificate of the broker (PEM), relative to the site file; without it the system's own are trusted."""
+    cert_file: FileName | None = None
+    """Client certificate (PEM, with its chain) to show the broker, relative to the site file."""
+    key_file: FileName | None = None
+    """Its private key (PEM), relative to the site file; without it the key is in `cert_file`."""
+    key_password_env: EnvironmentName | None = None
+    """Environment variable that holds the passphrase of the private key, if it has one."""
     username_env: EnvironmentName | None = None
     """Environment variable that holds the user name at the broker."""
     password_env: EnvironmentName | None = None
@@ -33,14 +43,26 @@ class MqttTable(SiteTable):
     """Environment variable that holds the token which every intent must carry."""
     intent_max_age_s: Annotated[float, Field(gt=0, le=3600)] = 10.0
     """Intents whose timestamp is further than this from the ground station's clock are refused."""
+    clear_retained: bool = False
+    """At the end of the flight, have the broker forget all retained messages of it but `fleet/connection`."""
 
     @model_validator(mode="after")
     def _check_credentials(self) -> MqttTable:
-        if self.ca_file is not None and not self.tls:
-            raise ValueError("ca_file: expected none without tls = true")
+        for key in ("ca_file", "cert_file"):
+            if getattr(self, key) is not None and not self.tls:
+                raise ValueError(f"{key}: expected none without tls = true")
+        for key in ("key_file", "key_password_env"):
+            if getattr(self, key) is not None and self.cert_file is None:
+                raise ValueError(f"{key}: expected a cert_file beside it")
         if self.password_env is not None and self.username_env is None:
             raise ValueError("password_env: expected a username_env beside it")
         return self
+
+    @property
+    def used_port(self) -> int:
+        """The port, or else the usual one."""
+        usual = {(False, False): 1883, (False, True): 8883, (True, False): 80, (True, True): 443}
+        return self.port or usual[self.websocket_path is not None, self.tls]
 
     @property
     def is_here(self) -> bool:

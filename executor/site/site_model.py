@@ -276,7 +276,6 @@ def find_empty_pct(known: PackHistory | None, drone: Drone, vehicle: VehicleTabl
 
 
 def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, table: VehicleTable) -> VehicleSetup:
-    """Return a vehicle's setup with a pack of which this is known."""
     if known is None:
         return setup
     empty_pct = find_empty_pct(known, drone, table)

@@ -145,7 +145,6 @@ def _select_near_area(
 
 
 def _to_rings_m(read: FileArea, frame: LocalFrame) -> list[Ring]:
-    """Return the outlines, or the line, in local metres."""
     rings = []
     for ring_deg in read.rings_deg:
         corners = frame.many_to_local_m(np.array(ring_deg))
@@ -176,7 +175,6 @@ def _read_figure(read: FileArea, key: str, table_s: float | None) -> float | Non
 
 
 def _cut_near_parts(line: Ring, low: tuple[float, float], high: tuple[float, float]) -> Iterator[Ring]:
-    """Yield the parts of a line that may be near."""
     part: list[tuple[float, float]] = []
     for begin, end in itertools.pairwise(line):
         near = all(

@@ -44,11 +44,12 @@ def format_qgc_plan(
     flown = items[1:] if dialect.home_item else items
     _check_finite(flown, home, nan_is_null=True)
     speeds = [item.param2 for item in flown if item.command == Command.DO_CHANGE_SPEED]
+    polygon = {"version": 1, "inclusion": True, "polygon": [_degrees(corner) for corner in fence]}
     document = {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
-        "geoFence": {"version": 2, "circles": [], "polygons": [_polygon(fence)] if fence else []},
+        "geoFence": {"version": 2, "circles": [], "polygons": [polygon] if fence else []},
         "rallyPoints": {"version": 2, "points": [[*_degrees(point), point.z] for point in rally]},
         "mission": {
             "version": 2,
@@ -94,10 +95,6 @@ def _check_finite(items: Sequence[MissionItem], home: tuple[float, float, float]
         for key, figure in figures.items():
             if not math.isfinite(figure) and not (nan_is_null and key != "height" and math.isnan(figure)):
                 raise MissionFileError(f"item {item.seq}: {key}: expected a finite number, got {figure}")
-
-
-def _polygon(corners: Sequence[MissionItem]) -> dict[str, object]:
-    return {"version": 1, "inclusion": True, "polygon": [_degrees(corner) for corner in corners]}
 
 
 def _degrees(item: MissionItem) -> list[float]:

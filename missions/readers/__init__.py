@@ -251,7 +251,6 @@ def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float
 
 
 def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork:
-    """Return what a file shows."""
     drawing = _read_by_content(path, choice)
     if choice.encoding is not None and drawing.format not in {table.CSV, layer_files.SHAPEFILE}:
         kind = drawing.format

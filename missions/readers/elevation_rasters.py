@@ -363,7 +363,6 @@ def _unit_m(path: Path, dataset: rasterio.DatasetReader, vertical: pyproj.CRS | 
 def _build_tile(
     path: Path, dataset: rasterio.DatasetReader, level: pyproj.CRS, reading: RasterOptions, unit_m: float
 ) -> Tile | None:
-    """Return what a raster knows of an area; None if it is elsewhere."""
     low_m, high_m = np.array(reading.low_m), np.array(reading.high_m)
     step_m = max(LATTICE_M, float((high_m - low_m).max()) / LATTICE_NODES)
     low_m = low_m - step_m

@@ -43,14 +43,10 @@ FLAT = "flat_ground"
 OWN_NAMES = ("id", "ref", "name")
 LINE_NAMES = ("name", "ref", "id")
 KINDS = {
-    "Point": GeometryKind.POINT,
-    "MultiPoint": GeometryKind.POINT,
-    "LineString": GeometryKind.LINE,
-    "MultiLineString": GeometryKind.LINE,
-    "Polygon": GeometryKind.OTHER,
-    "MultiPolygon": GeometryKind.OTHER,
+    "Point": GeometryKind.POINT, "MultiPoint": GeometryKind.POINT, "LineString": GeometryKind.LINE,
+    "MultiLineString": GeometryKind.LINE, "Polygon": GeometryKind.OTHER, "MultiPolygon": GeometryKind.OTHER,
     "GeometryCollection": GeometryKind.OTHER,
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

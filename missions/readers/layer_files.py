@@ -110,7 +110,6 @@ def open_sqlite(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _copy_database(path: Path, journals: Sequence[Path], folder: Path) -> Path:
-    """Return a copy of a database with its journals, as of one moment."""
     for _ in range(COPIES):
         before = _read_file_state(path, journals)
         for one in (path, *journals):

@@ -290,7 +290,6 @@ class _Chain:
 
 
 def _check_ends(drawing: RawNetwork) -> None:
-    """Refuse spans between poles that are not there."""
     names = {pole.name for pole in drawing.poles}
     for span in drawing.spans:
         for key, end in (("a", span.a), ("b", span.b)):

@@ -242,7 +242,6 @@ class RawNetwork:
 
 
 def _places_of(line: Line) -> Iterator[tuple[float, float]]:
-    """Yield latitude and longitude of every position of a line."""
     return ((lat_deg, lon_deg) for part in line.parts for lat_deg, lon_deg, _ in part)
 
 

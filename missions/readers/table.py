@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
+from missions.readers import values
 from missions.readers.archives import NEEDS, UNREADABLE, Archive, explaining_errors
 from missions.readers.attributes import (
     ELEVATION,
@@ -35,16 +36,6 @@ from missions.readers.attributes import (
 )
 from missions.readers.features import IDENTITY, Wgs84Transform, build_wgs84_transform
 from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, Remark, RemarkTopic, quote_names
-from missions.readers.values import (
-    EAST_WEST,
-    NORTH_SOUTH,
-    PoleRank,
-    build_rank_keys,
-    decimal_mark_of,
-    degrees_of,
-    grid_figure_of,
-    parse_pole_rank,
-)
 
 if TYPE_CHECKING:
     import openpyxl
@@ -73,7 +64,7 @@ class _Row:
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    order: PoleRank
+    order: values.PoleRank
     row: _Row
     x: float
     y: float
@@ -276,7 +267,7 @@ def _mark_of(rows: Sequence[_Row], horizontal: Sequence[Sequence[str]]) -> str |
     """Return the decimal mark that coordinates and heights of a table show; degrees need none."""
     keys = (*horizontal, ELEVATION, HEIGHT)
     cells = (find_first_value(row.cells, own) for row in rows for own in keys)
-    return decimal_mark_of(cell for cell in cells if isinstance(cell, str))
+    return values.decimal_mark_of(cell for cell in cells if isinstance(cell, str))
 
 
 def _build_member(
@@ -324,17 +315,17 @@ def _find_system(
 def _read_coordinate(row: _Row, keys: Sequence[str], mark: str | None) -> float:
     value = find_first_value(row.cells, keys)
     if keys in {LAT, LON}:
-        figure = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST)
+        figure = values.degrees_of(value, values.NORTH_SOUTH if keys == LAT else values.EAST_WEST)
     else:
-        figure = grid_figure_of(value, mark)
+        figure = values.grid_figure_of(value, mark)
     if figure is None or not is_figure(figure):
         raise NetworkError(f"{row.place}: {keys[0]}: expected a number, got {value!r}")
     return figure
 
 
-def _read_rank(row: _Row) -> PoleRank:
+def _read_rank(row: _Row) -> values.PoleRank:
     value = find_first_value(row.cells, ORDER)
-    rank = parse_pole_rank(value)
+    rank = values.parse_pole_rank(value)
     if rank is None:
         raise NetworkError(f"{row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
     return rank
@@ -342,7 +333,8 @@ def _read_rank(row: _Row) -> PoleRank:
 
 def _add_line(drawing: RawNetwork, line: str, members: list[_Member], system: Wgs84Transform, mark: str | None) -> None:
     keyed = sorted(
-        zip(build_rank_keys([member.order for member in members]), members, strict=True), key=lambda pair: pair[0]
+        zip(values.build_rank_keys([member.order for member in members]), members, strict=True),
+        key=lambda pair: pair[0],
     )
     for (key, one), (next_key, other) in itertools.pairwise(keyed):
         if key == next_key:

@@ -26,6 +26,10 @@ from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
 from executor.site.site_schema import SITE, find_unit, read_docstrings
+from scripts.pages.asyncapi import PLACE as ASYNCAPI
+from scripts.pages.asyncapi import asyncapi_document
+from scripts.pages.library import PAGE as LIBRARY
+from scripts.pages.library import library_page
 from scripts.pages.page_types import TYPES, page_types
 from scripts.pages.plan_api import PAGE as PLAN_API
 from scripts.pages.plan_api import plan_api_page
@@ -57,7 +61,9 @@ def pages() -> dict[str, str]:
         PAGE: states,
         PLAN_API: plan_api_page(MADE.format(what="models (executor/plan_page/api.py and api_answers.py)")),
         PICTURE: states_picture(),
+        LIBRARY: library_page(MADE.format(what="docstrings (faultline/__init__.py)")),
         TYPES: page_types(),
+        ASYNCAPI: asyncapi_document(),
         **schemas(),
     }
 

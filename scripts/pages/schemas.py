@@ -45,6 +45,7 @@ MESSAGES: dict[str, type[object]] = {
     "fleet-state": publisher.FleetStateMessage,
     "intent": intent_intake.IntentMessage,
     "plan": publisher.PlanMessage,
+    "plan-part": publisher.PlanPartMessage,
     "telemetry": publisher.TelemetryMessage,
     "vehicle-state": publisher.VehicleStateMessage,
 }

@@ -32,7 +32,7 @@ from executor.runtime.flight_loop import send_heartbeats
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from simulator.config import AutopilotKind, SimFleet
 from simulator.fault_kinds import parse_fault
-from tests.simulator.flying import flying
+from simulator.testing import Fleet
 from tests.simulator.harness import (
     ALT_M,
     LAT_DEG,
@@ -123,8 +123,10 @@ def simulated(
             sim_vehicle(kind, name=f"uav{sysid}", sysid=sysid, connection=connections, ready_after_s=1.0)
             for sysid in sysids
         )
-        async with flying(SimFleet(vehicles, SPEEDUP, tuple(parse_fault(fault) for fault in faults))):
+        async with Fleet(SimFleet(vehicles, SPEEDUP, tuple(parse_fault(fault) for fault in faults))) as fleet:
             yield
+            # Where answers take long, items go out and questions are asked ahead of their turn, on purpose.
+            fleet.check_client(but={"upload", "download"} if faults else ())
 
     return start
 

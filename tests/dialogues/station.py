@@ -9,6 +9,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from missions import PX4, Dialect, MissionItem
+from simulator.transcript import describe_answer, name_mission_result
 from tests.dialogues import words
 from tests.dialogues.acts import Act, Chapter, Download, Look, Say, Until, Upload, What
 from tests.dialogues.answer import Answer, Heard, extension, fold
@@ -84,7 +85,7 @@ class Station:
         self._run(0.4)
         # What nobody looks at only fills the socket of a station that is late.
         for name, (_, message) in self._last.items():
-            if name not in KEPT and words.essence(message) is None:
+            if name not in KEPT and describe_answer(message) is None:
                 self._say_command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message.get_msgId(), -1)
         self._run(0.4)
 
@@ -153,14 +154,14 @@ class Station:
         if count is None:
             return ["on board: no answer"]
         if count.get_type() == "MISSION_ACK":
-            return [f"on board: {words.mission_result(count.type)}"]
+            return [f"on board: {name_mission_result(count.type)}"]
         request = mavlink.MAVLink_mission_request_message if floats else mavlink.MAVLink_mission_request_int_message
         items: list[Any] = []
         for seq in range(count.count):
             self._send(request(self._wire.sysid, 1, seq, 0))
             item = self._next(lambda m: m.get_type() in {"MISSION_ITEM", "MISSION_ITEM_INT", "MISSION_ACK"})
             if item is None or item.get_type() == "MISSION_ACK":
-                items.append("no answer" if item is None else words.mission_result(item.type))
+                items.append("no answer" if item is None else name_mission_result(item.type))
                 break
             items.append(item)
         self._send(mavlink.MAVLink_mission_ack_message(self._wire.sysid, 1, 0, 0))
@@ -337,7 +338,7 @@ class Station:
         if name == "MISSION_ITEM_REACHED" and message.seq != self._reached:
             self._reached = message.seq
             self._reports.append(f"MISSION_ITEM_REACHED {message.seq}")
-        text = words.essence(message)
+        text = describe_answer(message)
         if text is None or self._muted or (name == "PARAM_VALUE" and message.param_id != self._asked_parameter):
             return
         if getattr(message, "target_system", 0) == OTHER_STATION:

@@ -6,8 +6,6 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from missions import MissionItem
 
 MISSION_STATES = {0: "state unknown", 1: "no mission", 2: "not started", 3: "active", 4: "paused", 5: "complete"}
@@ -29,53 +27,6 @@ def mode(autopilot: str, custom_mode: int) -> str:
     main, sub = custom_mode >> 16 & 255, custom_mode >> 24
     name = PX4_MAIN.get(main, f"mode {main}")
     return f"{name}.{PX4_AUTO.get(sub, sub)}" if name == "AUTO" else name
-
-
-def _enum(enum: str, number: int, prefix: str) -> str:
-    entry = mavlink.enums[enum].get(number)
-    return str(number) if entry is None else entry.name.removeprefix(prefix)
-
-
-def mission_result(number: int) -> str:
-    """Return MAV_MISSION_RESULT by name."""
-    return "ACCEPTED" if number == 0 else _enum("MAV_MISSION_RESULT", number, "MAV_MISSION_")
-
-
-def command_name(number: int) -> str:
-    """Return MAV_CMD by name."""
-    return _enum("MAV_CMD", number, "MAV_CMD_")
-
-
-def capabilities(bits: int) -> str:
-    """Return the capabilities by their bits' numbers."""
-    return " ".join(str(bit) for bit in range(64) if bits >> bit & 1)
-
-
-def essence(message: Any) -> str | None:
-    """Return what of an answer is compared; None for telemetry."""
-    name = message.get_type()
-    match name:
-        case "COMMAND_ACK":
-            return f"{command_name(message.command)} {_enum('MAV_RESULT', message.result, 'MAV_RESULT_')}"
-        case "MISSION_ACK":
-            return f"MISSION_ACK {mission_result(message.type)}"
-        case "MISSION_REQUEST" | "MISSION_REQUEST_INT":
-            return f"{name} {message.seq}"
-        case "MISSION_COUNT":
-            return f"MISSION_COUNT {message.count}"
-        case "PARAM_VALUE":
-            kind = _enum("MAV_PARAM_TYPE", message.param_type, "MAV_PARAM_TYPE_")
-            index = "no index" if message.param_index == 65535 else "its index"
-            return f"PARAM_VALUE {message.param_id} {kind}, {index}"
-        case "PARAM_ERROR":
-            return f"PARAM_ERROR {message.param_id} {_enum('MAV_PARAM_ERROR', message.error, 'MAV_PARAM_ERROR_')}"
-        case "AUTOPILOT_VERSION":
-            version = message.flight_sw_version
-            number = ".".join(str(version >> shift & 255) for shift in (24, 16, 8))
-            kind = _enum("FIRMWARE_VERSION_TYPE", version & 255, "FIRMWARE_VERSION_TYPE_")
-            return f"AUTOPILOT_VERSION {number} {kind}, capabilities {capabilities(message.capabilities)}"
-        case _:
-            return None
 
 
 def texts(said: Sequence[str]) -> tuple[str, ...]:

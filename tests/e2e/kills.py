@@ -11,8 +11,7 @@ import itertools
 import json
 import math
 import random
-from collections.abc import AsyncIterator, Mapping, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,10 +21,10 @@ import numpy as np
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
-from executor.site.site_model import SiteModel
 from missions import Pad, write_plan
 from planner import Cost
-from simulator.fleet import SimulatedVehicle, run_fleet
+from simulator.fleet import SimulatedVehicle
+from simulator.testing import Fleet
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import passes, segments_of
 
@@ -151,7 +150,8 @@ async def flown(folder: Path, seed: int) -> Outcome:
     setup, run = ground.setup, folder / "run"
     witness = Witness({name: setup.pad_of(name) for name in ground.names})
     moments: list[str] = []
-    async with _in_the_air(ground, faults, seed, witness):
+    fleet = fleet_of(ground, speedup=SPEEDUP, faults=faults, seed=seed, wind=1.0, failsafe=False)
+    async with Fleet(fleet, watch=witness.look):
         call = ["fly", str(site), "--plan", str(plan), "--run", str(run)]
         for deaths in itertools.count():
             dies = deaths == 0 or (deaths == 1 and chance.random() < 0.4)
@@ -165,21 +165,6 @@ async def flown(folder: Path, seed: int) -> Outcome:
             call = ["resume", str(run)]
     assert station.returncode in {0, 1}, err
     return Outcome(run, witness, lost, tuple(moments), station.returncode, json.loads(out))
-
-
-@asynccontextmanager
-async def _in_the_air(ground: SiteModel, faults: list[str], seed: int, witness: Witness) -> AsyncIterator[None]:
-    fleet = fleet_of(ground, speedup=SPEEDUP, faults=faults, seed=seed, wind=1.0, failsafe=False)
-    stop, ready = asyncio.Event(), asyncio.Event()
-    flying = asyncio.create_task(
-        run_fleet(fleet, stop=stop, on_truth=lambda _: None, ready=ready, watched=witness.look)
-    )
-    try:
-        await ready.wait()
-        yield
-    finally:
-        stop.set()
-        await flying
 
 
 async def _dies(station: asyncio.subprocess.Process, chance: random.Random, *, lost: bool, first: bool) -> str:

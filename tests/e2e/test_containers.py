@@ -38,6 +38,7 @@ class Engine:
             "FAULTLINE_MQTT_PORT": str(free_port()),
             "FAULTLINE_WEB_PORT": str(free_port()),
             "FAULTLINE_ARDUPILOT_IMAGE": IMAGES["ardupilot"],
+            "FAULTLINE_BROKER_IMAGE": "docker.io/library/eclipse-mosquitto:2",
         }
 
     def compose(self, *words: str) -> subprocess.CompletedProcess[str]:

@@ -16,10 +16,8 @@ import pytest
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import site_model
 from executor.site.site_file import read_site
-from simulator.config import SimFleet
-from simulator.fleet import SimulatedVehicle, run_fleet
+from simulator.testing import Fleet
 from tests.e2e.flights import called, ended, said_in, site_file
-from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.asyncio
 
@@ -32,21 +30,16 @@ CREWS_OWN: Mapping[str, Mapping[str, float]] = {
 """What this crew has set: none of it is a default."""
 
 
-class Fleet:
+class OnPads:
     """Vehicles that live in the test's own process, so that it sees what is on board."""
 
-    def __init__(self, autopilot: str) -> None:
-        self.before = CREWS_OWN[autopilot]
-        self.vehicles: tuple[SimulatedVehicle, ...] = ()
-
-    def look(self, vehicles: Any) -> None:
-        """Take note of the vehicles."""
-        self.vehicles = tuple(vehicles)
+    def __init__(self, fleet: Fleet, before: Mapping[str, float]) -> None:
+        self.fleet, self.before = fleet, before
 
     @property
     def on_board(self) -> list[dict[str, float]]:
         """What each vehicle has now of what the crew has set."""
-        return [{name: one.autopilot.params[name] for name in self.before} for one in self.vehicles]
+        return [{name: one.truth.parameters[name] for name in self.before} for one in self.fleet]
 
     @property
     def as_before(self) -> bool:
@@ -54,40 +47,18 @@ class Fleet:
 
     async def landed(self) -> None:
         """Wait until everybody is on the ground again."""
-        async with asyncio.timeout(PATIENCE_S):
-            while any(vehicle.autopilot.frame.armed for vehicle in self.vehicles):  # noqa: ASYNC110 - they tell nobody
-                await asyncio.sleep(0.2)
+        await self.fleet.wait_for(lambda: not any(one.truth.armed for one in self.fleet))
 
 
 @asynccontextmanager
-async def on_pads(site: Path, autopilot: str, *faults: str, speedup: float = SPEEDUP) -> AsyncIterator[Fleet]:
+async def on_pads(site: Path, autopilot: str, *faults: str, speedup: float = SPEEDUP) -> AsyncIterator[OnPads]:
     """Run the site's vehicles with what the crew has set."""
-    fleet = Fleet(autopilot)
-    sim = fleet_of(
-        site_model.load_site_model(read_site(site), site.parent),
-        speedup=speedup,
-        faults=faults,
-        seed=1,
-        wind=1.0,
-        failsafe=False,
-    )
-    own = [replace(one, parameters={**one.parameters, **fleet.before}) for one in sim.vehicles]
-    stop, ready = asyncio.Event(), asyncio.Event()
-    running = asyncio.create_task(
-        run_fleet(
-            SimFleet(tuple(own), sim.speedup, sim.faults),
-            stop=stop,
-            on_truth=lambda _: None,
-            ready=ready,
-            watched=fleet.look,
-        )
-    )
-    try:
-        await ready.wait()
-        yield fleet
-    finally:
-        stop.set()
-        await running
+    before = CREWS_OWN[autopilot]
+    ground = site_model.load_site_model(read_site(site), site.parent)
+    sim = fleet_of(ground, speedup=speedup, faults=faults, seed=1, wind=1.0, failsafe=False)
+    own = tuple(replace(one, parameters={**one.parameters, **before}) for one in sim.vehicles)
+    async with Fleet(replace(sim, vehicles=own)) as fleet:
+        yield OnPads(fleet, before)
 
 
 async def restored(run: Path, *more: str) -> tuple[int, dict[str, Any]]:

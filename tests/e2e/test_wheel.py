@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -74,6 +75,25 @@ def test_the_planner_alone_needs_three_packages(wheel: Path, tmp_path: Path) -> 
     here.install("numpy", "numba", "pydantic")
     here.install("--no-deps", str(wheel))
     assert here.run("python", "-c", PLAN) == (0, "", "")
+
+
+def test_the_examples_of_the_library_run_and_are_typed_for_a_user(wheel: Path, tmp_path: Path) -> None:
+    here = place(tmp_path)
+    here.install(str(wheel), "mypy")
+    page = (ROOT / "docs" / "how-to" / "library.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    examples = [block for block in blocks if "import pandas" not in block and "import duckdb" not in block]
+    assert len(examples) == 5
+    for number, example in enumerate(examples, start=1):
+        (tmp_path / f"example{number}.py").write_text(example, encoding="utf-8")
+    names = [f"example{number}.py" for number in range(1, 6)]
+    code, out, err = here.run("mypy", "--strict", *names)
+    assert (code, out) == (0, "Success: no issues found in 5 source files\n"), out + err
+    for name in names[:4]:  # the fifth needs a flight
+        code, out, err = here.run("python", name)
+        assert (code, err) == (0, ""), name + err
+    code, out, err = here.run("python", names[4])
+    assert (code, err.count("\n")) == (1, 1), err
 
 
 def test_without_extras_it_plans_checks_and_flies(wheel: Path, tmp_path: Path) -> None:

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from missions.items import Command
-from simulator.config import AutopilotKind, SimFleet
-from tests.ports import free_port
-from tests.simulator.flying import flying
-from tests.simulator.harness import numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
+from simulator.config import AutopilotKind
+from simulator.testing import fleet
+from tests.simulator.harness import numbered, on_wire, rtl, speed, takeoff, waypoint
 from tests.simulator.station import Station
 
 PATIENCE_S = 60
@@ -33,17 +32,16 @@ async def said(process: Process, words: bytes) -> None:
 @pytest.mark.parametrize("kind", list(AutopilotKind))
 async def test_mavproxy_lists_the_mission(kind: AutopilotKind, tmp_path: Path) -> None:
     items = numbered((waypoint(0, 0, 0.0), *ROUTE) if kind is AutopilotKind.ARDUPILOT else ROUTE, current=0)
-    port = free_port()
-    async with flying(SimFleet((sim_vehicle(kind, connection=f"udpout://127.0.0.1:{port}"),), speedup=1.0)):
-        async with Station.calling(port) as station:
-            assert await station.upload([on_wire(item) for item in items]) == 0
+    async with fleet(autopilot=kind.value) as living:
+        async with Station.calling(living[0].port) as station:
+            assert await station.upload([on_wire(item) for item in items], sysid=1) == 0
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-u", str(Path(sys.executable).with_name("mavproxy.py")),
-            f"--master=udpout:127.0.0.1:{port}", "--default-modules=wp", "--state-basedir=.",
+            f"--master={living[0].pymavlink}", "--default-modules=wp", "--state-basedir=.",
             cwd=tmp_path, stdin=PIPE, stdout=PIPE, stderr=STDOUT,
         )  # fmt: skip
         try:
-            await said(process, b"online system 11")
+            await said(process, b"online system 1")
             assert process.stdin is not None
             process.stdin.write(f"wp save {LISTING}\n".encode())
             await said(process, b"Saved")

@@ -20,10 +20,10 @@ from executor.flight.open_links import open_links
 from executor.flight.run_start import FlightRequest
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site.flight_keys import ForwardTable, LinkTable
+from simulator.testing import Fleet
 from tests.benchmarks.virtual.short_line import shared, short_ground
 from tests.peers.test_mavproxy import PATIENCE_S, said
 from tests.ports import free_port, free_ports
-from tests.simulator.flying import flying
 
 OURS = 254
 MAVPROXY = (255, 230)
@@ -66,7 +66,7 @@ async def beside(folder: Path, autopilot: str, *, allow: bool) -> AsyncIterator[
     ground = replace(ground, site=ground.site.model_copy(update=update))
     fleet = fleet_of(ground, speedup=1.0, faults=(), seed=1, wind=1.0, failsafe=True)
     request = FlightRequest(ground.site, folder, ground, shared(ground), folder, lambda _: ())
-    async with flying(fleet), open_links(request, SystemClock(1.0), recorded=False) as links:
+    async with Fleet(fleet), open_links(request, SystemClock(1.0), recorded=False) as links:
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-u", str(Path(sys.executable).with_name("mavproxy.py")),
             f"--master=tcp:127.0.0.1:{port}", "--default-modules=mode,cmdlong", "--state-basedir=.",

@@ -17,9 +17,9 @@ from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.telemetry import FlightMode
 
 from missions.items import MissionItem
-from simulator.config import AutopilotKind, SimCamera, SimFleet
+from simulator.config import AutopilotKind, SimCamera
+from simulator.testing import fleet
 from tests.ports import free_port
-from tests.simulator.flying import flying
 from tests.simulator.harness import LAT_DEG, LON_DEG, numbered, rtl, sim_vehicle, speed, takeoff, waypoint
 
 T = TypeVar("T")
@@ -56,7 +56,7 @@ async def connected(kind: AutopilotKind, scheme: str, cameras: tuple[SimCamera, 
     connection = f"{scheme}://127.0.0.1:{port}"
     vehicle = sim_vehicle(kind, connection=connection, ready_after_s=1.0, parameters=off, cameras=cameras)
     configuration = Configuration.create_manual(255, 190, True)
-    async with flying(SimFleet((vehicle,), speedup=SPEEDUP)), Mavsdk(configuration) as mavsdk:
+    async with fleet([vehicle], speedup=SPEEDUP), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(connection)
         system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
         assert system is not None

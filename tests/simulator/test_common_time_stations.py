@@ -23,11 +23,8 @@ from simulator.common_time import (
     is_process_stopped,
     parse_greeting,
 )
-from simulator.config import AutopilotKind, SimFleet
+from simulator.testing import fleet
 from tests.executor.adapters.test_clock_fleet_time import NOBODY, Real, Wire
-from tests.ports import free_port
-from tests.simulator.flying import flying
-from tests.simulator.harness import sim_vehicle
 
 SPEEDUP = 20.0
 EVER = float("inf")
@@ -116,9 +113,8 @@ def test_one_that_was_stopped_on_purpose_is_silent_at_once() -> None:
 @pytest.mark.asyncio
 @pytest.mark.parametrize("speedup", [1.0, SPEEDUP])
 async def test_a_fleet_waits_at_its_first_port_unless_its_time_is_real(speedup: float) -> None:
-    port = free_port()
-    vehicle = sim_vehicle(AutopilotKind.PX4, connection=f"udpout://127.0.0.1:{port}")
-    async with flying(SimFleet((vehicle,), speedup=speedup)):
+    async with fleet(speedup=speedup) as living:
+        port = living[0].port
         if speedup == 1.0:
             with pytest.raises(ConnectionRefusedError):
                 await asyncio.open_connection("127.0.0.1", port)

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from benchmarks.virtual.loop import VirtualLoop, run_virtual
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Level, Say
@@ -23,6 +22,7 @@ from executor.runtime.flight_loop import Flight
 from missions import Network
 from simulator.config import SimVehicle
 from simulator.fleet import SimulatedVehicle
+from simulator.virtual_loop import VirtualLoop, run_virtual
 from tests.stories.story import Answers, Story
 from tests.stories.world import Flown, Sky
 from tests.storm.air import STEP_S, Air, suffers

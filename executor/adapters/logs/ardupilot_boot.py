@@ -13,40 +13,24 @@ from types import MappingProxyType
 from typing import Any
 
 from executor.core import formatting
-from executor.core.interface.messages import (
-    Actor,
-    Attitude,
-    Battery,
-    FlightMessage,
-    Gps,
-    Heartbeat,
-    HeightTarget,
-    LandedState,
-    ListedItem,
-    MissionCurrent,
-    ModeChange,
-    OrderSeen,
-    OwnFailsafe,
-    Position,
-    RcChannels,
-    StatusText,
-    VehicleSetting,
-)
+from executor.core.interface import messages
 from executor.core.interface.recorded_log import MODE_COMMANDS, is_wanted_setting
 from missions import ARDUPILOT
 from missions.autopilots.dialect import mode_name
 from missions.items import Frame, MissionItem
 
-MODE_REASONS: Mapping[int, Actor] = MappingProxyType(
-    dict.fromkeys((1, 18, 42, 53), Actor.PILOT)  # mode switch, toy mode, transmitter's telemetry, its other switches
-    | dict.fromkeys((2, 32, 52), Actor.GROUND_STATION)  # a command, a script, a computer on board
+MODE_REASONS: Mapping[int, messages.Actor] = MappingProxyType(
+    dict.fromkeys(
+        (1, 18, 42, 53), messages.Actor.PILOT
+    )  # mode switch, toy mode, transmitter's telemetry, its other switches
+    | dict.fromkeys((2, 32, 52), messages.Actor.GROUND_STATION)  # a command, a script, a computer on board
     # radio, battery, station, EKF, GPS, fence, terrain, avoidance and back, terminated, crash, any, leak, back from the
     # fence, radio and back, dead reckoning, take-off
-    | dict.fromkeys((3, 4, 5, 6, 7, 10, 11, 14, 15, 17, 19, 25, 29, 43, 48, 50, 51, 55), Actor.FAILSAFE)
+    | dict.fromkeys((3, 4, 5, 6, 7, 10, 11, 14, 15, 17, 19, 25, 29, 43, 48, 50, 51, 55), messages.Actor.FAILSAFE)
     | dict.fromkeys(
-        (8, 12, 13, 16, 41, 45), Actor.MISSION
+        (8, 12, 13, 16, 41, 45), messages.Actor.MISSION
     )  # its end, brake's, flip's, throw's, an item, out of AUTO_RTL
-    | {9: Actor.PILOT}  # raised throttle ends a landing
+    | {9: messages.Actor.PILOT}  # raised throttle ends a landing
 )
 """ModeReason."""
 
@@ -77,19 +61,19 @@ ERRORS: Mapping[int, tuple[str, str]] = MappingProxyType({
 """LogErrorSubsystem, but for what is no failsafe: initialising, a mode that was refused, a flip, a lane of the EKF."""
 LOSS_OF_CONTROL = ("crash", 2)
 """The crash check's other code: it flies on where it should not, or tumbles."""
-DISARMED_BY: Mapping[int, OwnFailsafe] = MappingProxyType({
-    5: OwnFailsafe("other", True, "terminated"),
-    6: OwnFailsafe("other", True, "CPU failsafe"),
-    7: OwnFailsafe("battery", True, "battery failsafe"),
-    11: OwnFailsafe("crash", True, "parachute"),
-    12: OwnFailsafe("crash", True, "Crash: Disarming"),
-    15: OwnFailsafe("fence", True, "fence breached"),
-    16: OwnFailsafe("rc", True, "radio failsafe"),
-    18: OwnFailsafe("ground station", True, "ground station failsafe"),
-    19: OwnFailsafe("terrain", True, "terrain failsafe"),
-    21: OwnFailsafe("terrain", True, "terrain failsafe"),
-    24: OwnFailsafe("ekf", True, "EKF failsafe"),
-    33: OwnFailsafe("gps", True, "dead reckoning failsafe"),
+DISARMED_BY: Mapping[int, messages.OwnFailsafe] = MappingProxyType({
+    5: messages.OwnFailsafe("other", True, "terminated"),
+    6: messages.OwnFailsafe("other", True, "CPU failsafe"),
+    7: messages.OwnFailsafe("battery", True, "battery failsafe"),
+    11: messages.OwnFailsafe("crash", True, "parachute"),
+    12: messages.OwnFailsafe("crash", True, "Crash: Disarming"),
+    15: messages.OwnFailsafe("fence", True, "fence breached"),
+    16: messages.OwnFailsafe("rc", True, "radio failsafe"),
+    18: messages.OwnFailsafe("ground station", True, "ground station failsafe"),
+    19: messages.OwnFailsafe("terrain", True, "terrain failsafe"),
+    21: messages.OwnFailsafe("terrain", True, "terrain failsafe"),
+    24: messages.OwnFailsafe("ekf", True, "EKF failsafe"),
+    33: messages.OwnFailsafe("gps", True, "dead reckoning failsafe"),
 })  # fmt: skip
 """AP_Arming::Method, of ways to disarm that somebody must know of."""
 Fields = Mapping[str, Any]
@@ -128,36 +112,24 @@ CHANNELS = 14
 DO_SET_MODE, ACCEPTED = 176, frozenset({0, 5})
 ITEM = "CTot CNum CId Prm1 Prm2 Prm3 Prm4 Lat Lng Alt Frame"
 WANTED: Mapping[str, WantedColumns] = {
-    name: WantedColumns(frozenset(columns.split()), every_usec)
-    for name, columns, every_usec in (
-        ("MODE", "Mode ModeNum Rsn", 0),
-        ("ARM", "ArmState Method", 0),
-        ("EV", "Id", 0),
-        ("ERR", "Subsys ECode", 0),
+    name: WantedColumns(frozenset(columns.split()), every_usec) for name, columns, every_usec in (
+        ("MODE", "Mode ModeNum Rsn", 0), ("ARM", "ArmState Method", 0), ("EV", "Id", 0), ("ERR", "Subsys ECode", 0),
         ("RCIN", "C1 C2 C3 C4 C5 C6 C7 C8 C9 C10 C11 C12 C13 C14", 90_000),
-        ("BAT", "Inst Instance Volt Curr CurrTot RemPct", 450_000),
-        ("CURR", "Inst Volt Curr CurrTot", 450_000),
+        ("BAT", "Inst Instance Volt Curr CurrTot RemPct", 450_000), ("CURR", "Inst Volt Curr CurrTot", 450_000),
         ("POS", "Lat Lng Alt RelHomeAlt RelAlt", 950_000),
-        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ TimeMS Time", 950_000),
-        ("XKF1", "C VN VE VD", 450_000),
-        ("NKF1", "VN VE VD", 450_000),
-        ("EKF1", "VN VE VD", 450_000),
-        ("ATT", "Roll Pitch", 190_000),
-        ("CTUN", "ThO ThrOut Alt DAlt", 950_000),
-        ("MSG", "Message", 0),
-        ("MISE", ITEM, 0),
-        ("CMD", ITEM, 0),
-        ("MAVC", "Cmd P2 SS Res", 0),
-        ("PARM", "Name Value", 0),
+        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ TimeMS Time", 950_000), ("XKF1", "C VN VE VD", 450_000),
+        ("NKF1", "VN VE VD", 450_000), ("EKF1", "VN VE VD", 450_000), ("ATT", "Roll Pitch", 190_000),
+        ("CTUN", "ThO ThrOut Alt DAlt", 950_000), ("MSG", "Message", 0), ("MISE", ITEM, 0), ("CMD", ITEM, 0),
+        ("MAVC", "Cmd P2 SS Res", 0), ("PARM", "Name Value", 0),
     )
-}
+}  # fmt: skip
 """What is read of which record, and how often."""
 _MODE_NUMBERS = {mode_name(ARDUPILOT, number).replace("_", "").upper(): number for number in range(29)} | {
     "AUTO": 3,
     "BRAKE": 17,
 }
 """A log in text has a mode's name in the place of its number."""
-ArduPilotMessages = FlightMessage | tuple[FlightMessage, ...] | None
+ArduPilotMessages = messages.FlightMessage | tuple[messages.FlightMessage, ...] | None
 
 
 @dataclass(slots=True)
@@ -194,9 +166,11 @@ class ArduPilotBoot:
             self.begun = self.changed = self.mode != NO_MODE or t_usec - self.first_usec > MODE_WAIT_USEC
         return self.begun
 
-    def build_heartbeat(self, vehicle_type: int) -> Heartbeat:
+    def build_heartbeat(self, vehicle_type: int) -> messages.Heartbeat:
         """Return the HEARTBEAT that it would send."""
-        return Heartbeat(ARDUPILOT.number, self.mode, self.armed, ACTIVE if self.armed else STANDBY, vehicle_type)
+        return messages.Heartbeat(
+            ARDUPILOT.number, self.mode, self.armed, ACTIVE if self.armed else STANDBY, vehicle_type
+        )
 
     def set_armed(self, *, armed: bool) -> None:
         """Note that the log says that it is armed, or that it is not."""
@@ -211,14 +185,14 @@ def _read_mode(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages
     boot.mode, boot.changed = int(float(named)) if number is None else number, True
     if "Rsn" not in fields:
         return None
-    return ModeChange(boot.mode, MODE_REASONS.get(int(fields["Rsn"]), Actor.UNKNOWN))
+    return messages.ModeChange(boot.mode, MODE_REASONS.get(int(fields["Rsn"]), messages.Actor.UNKNOWN))
 
 
 def _read_event(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     event = int(fields["Id"])
     if event in ARMED_EVENTS or event == DISARMED:
         boot.set_armed(armed=event != DISARMED)
-    return LandedState(event == LANDED) if event in {LANDED, NOT_LANDED} else None
+    return messages.LandedState(event == LANDED) if event in {LANDED, NOT_LANDED} else None
 
 
 def _read_arming(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
@@ -231,18 +205,18 @@ def _read_error(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     if known is None:
         return None
     kind, words = known
-    return OwnFailsafe(kind, code != RESOLVED, "loss of control" if (kind, code) == LOSS_OF_CONTROL else words)
+    return messages.OwnFailsafe(kind, code != RESOLVED, "loss of control" if (kind, code) == LOSS_OF_CONTROL else words)
 
 
 def _read_rc_channels(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
-    return RcChannels(tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
+    return messages.RcChannels(tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
 
 
 def _read_parameter(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     name, value = formatting.escape_controls(fields["Name"]), float(fields["Value"])
     if name == CAPACITY and math.isfinite(value):
         boot.capacity_ah = value / 1e3
-    return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
+    return messages.VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
 
 
 def _read_command(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
@@ -250,7 +224,7 @@ def _read_command(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessage
     if command not in MODE_COMMANDS or int(fields["Res"]) not in ACCEPTED:
         return None
     mode = int(fields["P2"]) if command == DO_SET_MODE and math.isfinite(fields["P2"]) else None
-    return OrderSeen(command, mode, int(fields["SS"]))
+    return messages.OrderSeen(command, mode, int(fields["SS"]))
 
 
 def _read_battery(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
@@ -262,7 +236,7 @@ def _read_battery(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMess
     if remaining is None and counts and consumed is not None and battery == 0 and boot.capacity_ah > 0:
         # AP_BattMonitor_Backend.cpp: what older firmware told ground stations, and did not log.
         remaining = int(max(0.0, min(100.0, 100.0 * (1.0 - consumed / 1e3 / boot.capacity_ah))))
-    return Battery(
+    return messages.Battery(
         battery=battery,
         remaining_pct=float(remaining) if remaining is not None and 0 <= remaining <= 100 else None,
         voltage_v=volts or None,
@@ -287,10 +261,10 @@ def _read_gps(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMess
     """Read what the satellites say: a place where the log has no better one, with their own speed."""
     if fields.get("I", 0) != 0:
         return None
-    fix, told = int(fields["Status"]), list[FlightMessage]()
+    fix, told = int(fields["Status"]), list[messages.FlightMessage]()
     if fix != boot.fix[1] or t_usec - boot.fix[0] >= GPS_USEC:
         boot.fix = (t_usec, fix)
-        told.append(Gps(fix, int(fields["NSats"]), measured_s=t_usec / 1e6))
+        told.append(messages.Gps(fix, int(fields["NSats"]), measured_s=t_usec / 1e6))
     if fix < FIXED:
         return tuple(told)
     course, speed_m_s = math.radians(fields["GCrs"]), fields["Spd"]
@@ -308,9 +282,13 @@ def _read_gps(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMess
     return tuple(told)
 
 
-def _build_position(t_usec: int, fields: Fields, height_m: float, velocity_m_s: tuple[float, float, float]) -> Position:
+def _build_position(
+    t_usec: int, fields: Fields, height_m: float, velocity_m_s: tuple[float, float, float]
+) -> messages.Position:
     north, east, down = velocity_m_s
-    return Position(t_usec / 1e6, fields["Lat"], fields["Lng"], fields["Alt"], height_m, north, east, down, None)
+    return messages.Position(
+        t_usec / 1e6, fields["Lat"], fields["Lng"], fields["Alt"], height_m, north, east, down, None
+    )
 
 
 def _read_velocity(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
@@ -320,7 +298,7 @@ def _read_velocity(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilo
 
 
 def _read_attitude(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
-    return Attitude(fields["Roll"], fields["Pitch"])
+    return messages.Attitude(fields["Roll"], fields["Pitch"])
 
 
 def _read_throttle(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
@@ -332,21 +310,21 @@ def _read_throttle(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMess
         boot.changed = boot.armed = True
     if boot.height_m is None or target_m is None or not math.isfinite(target_m - boot.height_m):
         return None
-    return HeightTarget(target_m - boot.height_m)
+    return messages.HeightTarget(target_m - boot.height_m)
 
 
 def _read_message(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     text = formatting.escape_controls(str(fields["Message"]))
     if text == ARMS:
         boot.set_armed(armed=True)
-    return StatusText(FAILURE, text)
+    return messages.StatusText(FAILURE, text)
 
 
 def _read_started_item(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
     """Read an item that is begun (MISE)."""
-    current = MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
+    current = messages.MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
     listed = _read_mission_item(boot, t_usec, fields) if "CId" in fields else None
-    return (listed, current) if isinstance(listed, ListedItem) else current
+    return (listed, current) if isinstance(listed, messages.ListedItem) else current
 
 
 def _read_mission_item(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
@@ -358,9 +336,9 @@ def _read_mission_item(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilot
     if not math.isfinite(item.z):
         return None
     if boot.armed and boot.items.get(number) == item:
-        return MissionCurrent(number, max(0, int(fields["CTot"]) - 1) or None)
+        return messages.MissionCurrent(number, max(0, int(fields["CTot"]) - 1) or None)
     boot.items[number] = item
-    return ListedItem(item)
+    return messages.ListedItem(item)
 
 
 READERS: Mapping[str, Callable[[ArduPilotBoot, int, Fields], ArduPilotMessages]] = {

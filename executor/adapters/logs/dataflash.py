@@ -82,7 +82,6 @@ class RecordKind:
     layout: struct.Struct = field(init=False)
 
     def __post_init__(self) -> None:
-        """Find the columns that count."""
         there, letters = self.described.columns, dict(zip(self.described.columns, self.described.format, strict=True))
         self.layout = struct.Struct(self.described.msg_struct)
         self.columns = tuple(column for column in there if column in self.wanted.columns)
@@ -157,7 +156,6 @@ class BinaryRows(Rows):
     """Of whole records, by their number; 0 where no format was seen."""
 
     def __iter__(self) -> Iterator[Row]:
-        """Yield what is wanted, in the order of the file."""
         self.sizes[FMT] = FMT_SIZE
         yield from read_in_chunks(self.path, self._read_piece)
 
@@ -219,7 +217,6 @@ class TextRows(Rows):
     in_text = True
 
     def __iter__(self) -> Iterator[Row]:
-        """Yield what is wanted, in the order of the file."""
         with self.path.open("rb") as file:
             while line := file.readline(LARGEST_LINE):
                 name, _, rest = line.partition(b",")

@@ -19,31 +19,7 @@ from typing import Any, TypeAlias
 from pyulog import ULog
 
 from executor.core import formatting
-from executor.core.interface.messages import (
-    Actor,
-    Attitude,
-    Battery,
-    EstimatorStatus,
-    FlightMessage,
-    Gps,
-    Heartbeat,
-    HeightTarget,
-    LandedState,
-    MissionCurrent,
-    ModeChange,
-    OrderSeen,
-    OwnFailsafe,
-    Position,
-    RcChannels,
-    StatusText,
-    VehicleSetting,
-)
-from executor.core.interface.recorded_log import (
-    MODE_COMMANDS,
-    Record,
-    RecordedFile,
-    is_wanted_setting,
-)
+from executor.core.interface import messages, recorded_log
 from executor.core.telemetry.mode_evidence import ARGUMENT_BYTES, parse_px4_event
 from executor.core.telemetry.plausibility import filter_implausible
 from executor.errors import LogError
@@ -52,7 +28,7 @@ from missions import PX4
 DO_SET_MODE = 176
 SWITCH_MODE = 7
 """action_request.action."""
-REQUESTED_BY = MappingProxyType(dict.fromkeys((0, 1, 2, 3), Actor.PILOT))
+REQUESTED_BY = MappingProxyType(dict.fromkeys((0, 1, 2, 3), messages.Actor.PILOT))
 """action_request.source: a gesture of the sticks, a switch, a button, the mode switch."""
 MODE_SWITCHES = (
     "mode_slot", "mode_switch", "return_switch", "loiter_switch", "posctl_switch", "offboard_switch", "acro_switch",
@@ -133,7 +109,7 @@ LONGEST_USEC = 3 * 86400 * 1_000_000
 
 TopicRow: TypeAlias = Mapping[str, float]
 """One row of a topic: the fields that this version of the firmware has."""
-Px4Messages: TypeAlias = FlightMessage | tuple[FlightMessage, ...] | None
+Px4Messages: TypeAlias = messages.FlightMessage | tuple[messages.FlightMessage, ...] | None
 
 
 @dataclass(slots=True)
@@ -154,9 +130,9 @@ class Px4State:
     item: tuple[int, int] | None = None
     failing: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Flags that are up in the order in which they rose, with what they are about."""
-    failed: OwnFailsafe | None = None
+    failed: messages.OwnFailsafe | None = None
     """What acts now."""
-    asked: tuple[int, Actor] = (-ORDERED_USEC, Actor.UNKNOWN)
+    asked: tuple[int, messages.Actor] = (-ORDERED_USEC, messages.Actor.UNKNOWN)
     """When a mode was asked for last, and by whom."""
     switches: tuple[int, ...] | None = None
     finished: bool = False
@@ -166,41 +142,39 @@ def _read_vehicle_status(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Me
     mode = MODES.get(int(row["nav_state"]), 0)
     armed, acts = int(row["arming_state"]) == ARMED, bool(row.get("failsafe", 0))
     _read_failsafe_flags(vehicle, t_usec, row)
-    told: list[FlightMessage] = list(_update_failsafe(vehicle, acts=acts and armed))
+    told: list[messages.FlightMessage] = list(_update_failsafe(vehicle, acts=acts and armed))
     if vehicle.beat is None or mode != vehicle.beat[0]:
-        told.append(ModeChange(mode, _find_mode_actor(vehicle, t_usec, row, acts=acts)))
+        told.append(messages.ModeChange(mode, _find_mode_actor(vehicle, t_usec, row, acts=acts)))
     beat = (mode, armed)
     if beat != vehicle.beat or told or t_usec - vehicle.beat_usec >= BEAT_USEC:
         vehicle.beat, vehicle.beat_usec = beat, t_usec
         status = CRITICAL_STATE if acts and armed else ACTIVE if armed else STANDBY
         kind = TYPES.get(int(row.get("vehicle_type", 0)), QUADROTOR)
-        told.append(Heartbeat(PX4.number, mode, armed, status, kind))
+        told.append(messages.Heartbeat(PX4.number, mode, armed, status, kind))
     return tuple(told)
 
 
-def _find_mode_actor(vehicle: Px4State, t_usec: int, row: TopicRow, *, acts: bool) -> Actor:
-    """Return who chose a mode that has just changed."""
+def _find_mode_actor(vehicle: Px4State, t_usec: int, row: TopicRow, *, acts: bool) -> messages.Actor:
     if acts:
-        return Actor.FAILSAFE
+        return messages.Actor.FAILSAFE
     if t_usec - vehicle.asked[0] <= ORDERED_USEC:
         return vehicle.asked[1]
-    return Actor.MISSION if int(row.get("executor_in_charge", 0)) else Actor.UNKNOWN
+    return messages.Actor.MISSION if int(row.get("executor_in_charge", 0)) else messages.Actor.UNKNOWN
 
 
-def _update_failsafe(vehicle: Px4State, *, acts: bool) -> Iterator[OwnFailsafe]:
+def _update_failsafe(vehicle: Px4State, *, acts: bool) -> Iterator[messages.OwnFailsafe]:
     """Yield what began to act or ended; the flag that rose last is the reason."""
     if acts:
         what, said = next(reversed(vehicle.failing.values()), UNNAMED)
         if vehicle.failed is None or (vehicle.failed.what != what and what != UNNAMED[0]):
-            vehicle.failed = OwnFailsafe(what, active=True, words=said)
+            vehicle.failed = messages.OwnFailsafe(what, active=True, words=said)
             yield vehicle.failed
     elif vehicle.failed is not None:
-        yield OwnFailsafe(vehicle.failed.what, active=False, words=vehicle.failed.words)
+        yield messages.OwnFailsafe(vehicle.failed.what, active=False, words=vehicle.failed.words)
         vehicle.failed = None
 
 
 def _read_failsafe_flags(vehicle: Px4State, _: int, row: TopicRow) -> Px4Messages:
-    """Note which flags are up."""
     up = {name: meaning for name, meaning in FAILED.items() if row.get(name, 0)}
     up |= {name: meaning for name, meaning in VALID.items() if name in row and not row[name]}
     if row.get("battery_warning", 0) >= CRITICAL:
@@ -216,22 +190,22 @@ def _read_failsafe_flags(vehicle: Px4State, _: int, row: TopicRow) -> Px4Message
 
 def _read_vehicle_command(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     command = int(row["command"])
-    if command not in MODE_COMMANDS:
+    if command not in recorded_log.MODE_COMMANDS:
         return None
     if not row.get("from_external", 1):
-        vehicle.asked = (t_usec, Actor.MISSION)  # the navigator flies an item: a return, a landing
+        vehicle.asked = (t_usec, messages.Actor.MISSION)  # the navigator flies an item: a return, a landing
         return None
-    vehicle.asked = (t_usec, Actor.GROUND_STATION)
+    vehicle.asked = (t_usec, messages.Actor.GROUND_STATION)
     main, sub = row["param2"], row["param3"]
     named = command == DO_SET_MODE and 0 <= main < HALF and 0 <= sub < HALF
-    return OrderSeen(
+    return messages.OrderSeen(
         command, int(main) << 16 | int(sub) << 24 if named else None, int(row.get("source_system", 0)) or None
     )
 
 
 def _read_action_request(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     if int(row["action"]) == SWITCH_MODE:
-        vehicle.asked = (t_usec, REQUESTED_BY.get(int(row["source"]), Actor.UNKNOWN))
+        vehicle.asked = (t_usec, REQUESTED_BY.get(int(row["source"]), messages.Actor.UNKNOWN))
     return None
 
 
@@ -239,7 +213,7 @@ def _read_event(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     """Read an event: what has failed, or who asks for a mode."""
     size = sum(f"arguments[{one}]" in row for one in range(ARGUMENT_BYTES))
     said = parse_px4_event(int(row["id"]), bytes(int(row[f"arguments[{one}]"]) for one in range(size)))
-    if isinstance(said, ModeChange):
+    if isinstance(said, messages.ModeChange):
         vehicle.asked = (t_usec, said.by)
         return None
     return said
@@ -249,19 +223,19 @@ def _read_mode_switches(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Mes
     """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
     switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
     if switches and vehicle.switches not in {None, switches}:
-        vehicle.asked = (t_usec, Actor.PILOT)
+        vehicle.asked = (t_usec, messages.Actor.PILOT)
     vehicle.switches = switches or vehicle.switches  # a topic of another version of the firmware has none of them
     return None
 
 
-def _read_rc_channels(_: Px4State, __: int, row: TopicRow) -> RcChannels | None:
+def _read_rc_channels(_: Px4State, __: int, row: TopicRow) -> messages.RcChannels | None:
     if row.get("rc_lost", 0):
         return None
     count = min(int(row["channel_count"]), CHANNELS)
-    return RcChannels(tuple(int(row[f"values[{one}]"]) for one in range(count)))
+    return messages.RcChannels(tuple(int(row[f"values[{one}]"]) for one in range(count)))
 
 
-def _read_battery(_: Px4State, __: int, row: TopicRow) -> Battery | None:
+def _read_battery(_: Px4State, __: int, row: TopicRow) -> messages.Battery | None:
     if not row.get("connected", 1):
         return None
     remaining, volts = row.get("remaining", math.nan), row["voltage_v"]
@@ -269,7 +243,7 @@ def _read_battery(_: Px4State, __: int, row: TopicRow) -> Battery | None:
     cells = [float(row.get(f"voltage_cell_v[{cell}]", 0.0)) for cell in range(CELLS)]
     known = tuple(cell for cell in cells if math.isfinite(cell) and 1.0 < cell < 5.0)
     sensed = math.isfinite(amperes) and amperes >= 0
-    return Battery(
+    return messages.Battery(
         battery=max(0, int(row.get("id", 1)) - 1),
         remaining_pct=100.0 * float(remaining) if 0.0 <= remaining <= 1.0 else None,
         voltage_v=float(volts) if math.isfinite(volts) and volts > 0 else None,
@@ -292,7 +266,9 @@ def _read_local_position(vehicle: Px4State, _: int, row: TopicRow) -> Px4Message
 def _read_global_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     vehicle.placed_usec = t_usec
     place = _build_position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
-    return (EstimatorStatus(is_absolute=not row["dead_reckoning"]), place) if "dead_reckoning" in row else place
+    return (
+        (messages.EstimatorStatus(is_absolute=not row["dead_reckoning"]), place) if "dead_reckoning" in row else place
+    )
 
 
 def _read_gps(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
@@ -303,14 +279,14 @@ def _read_gps(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     return told if place is None else (told, place)
 
 
-def _read_receiver(vehicle: Px4State, t_usec: int, row: TopicRow) -> Gps | None:
+def _read_receiver(vehicle: Px4State, t_usec: int, row: TopicRow) -> messages.Gps | None:
     """Read a receiver's own topic, where the log has none of what is made of all of them."""
     return None if t_usec - vehicle.received_usec < STALE_USEC else _build_gps(t_usec, row)
 
 
-def _build_gps(t_usec: int, row: TopicRow) -> Gps:
+def _build_gps(t_usec: int, row: TopicRow) -> messages.Gps:
     off_m = float(row.get("eph", math.nan))
-    return Gps(
+    return messages.Gps(
         int(row["fix_type"]),
         int(row["satellites_used"]) if "satellites_used" in row else None,
         accuracy_m=off_m if 0.0 < off_m < UNKNOWN_M else None,
@@ -318,7 +294,7 @@ def _build_gps(t_usec: int, row: TopicRow) -> Gps:
     )
 
 
-def _read_receiver_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Position | None:
+def _read_receiver_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> messages.Position | None:
     if row["fix_type"] < FIXED or t_usec - vehicle.placed_usec < STALE_USEC:
         return None
     if "latitude_deg" in row:
@@ -328,51 +304,57 @@ def _read_receiver_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Po
     return _build_position(vehicle, t_usec, place, row)
 
 
-def _build_position(vehicle: Px4State, t_usec: int, place: tuple[float, float, float], row: TopicRow) -> Position:
+def _build_position(
+    vehicle: Px4State, t_usec: int, place: tuple[float, float, float], row: TopicRow
+) -> messages.Position:
     lat_deg, lon_deg, alt_m = place
     vehicle.begun_msl_m = alt_m if vehicle.begun_msl_m is None else vehicle.begun_msl_m
     own = tuple(float(row.get(name, row.get(f"{name}_m_s", 0.0))) for name in ("vel_n", "vel_e", "vel_d"))
     north, east, down = vehicle.velocity_m_s or own
     height_m = alt_m - vehicle.begun_msl_m if vehicle.height_m is None else vehicle.height_m
-    return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
+    return messages.Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
 
 
-def _read_height_target(vehicle: Px4State, _: int, row: TopicRow) -> HeightTarget | None:
+def _read_height_target(vehicle: Px4State, _: int, row: TopicRow) -> messages.HeightTarget | None:
     """Read its controller's target; a landing and a take-off may have none."""
     down_m = float(row["z"])
-    return HeightTarget(-down_m - vehicle.height_m) if vehicle.height_m is not None and math.isfinite(down_m) else None
+    return (
+        messages.HeightTarget(-down_m - vehicle.height_m)
+        if vehicle.height_m is not None and math.isfinite(down_m)
+        else None
+    )
 
 
-def _read_attitude(_: Px4State, __: int, row: TopicRow) -> Attitude:
+def _read_attitude(_: Px4State, __: int, row: TopicRow) -> messages.Attitude:
     w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    return Attitude(math.degrees(roll), math.degrees(pitch))
+    return messages.Attitude(math.degrees(roll), math.degrees(pitch))
 
 
-def _read_land_detected(vehicle: Px4State, _: int, row: TopicRow) -> LandedState | None:
+def _read_land_detected(vehicle: Px4State, _: int, row: TopicRow) -> messages.LandedState | None:
     landed = bool(row["landed"])
     if landed == vehicle.landed:
         return None
     vehicle.landed = landed
-    return LandedState(landed)
+    return messages.LandedState(landed)
 
 
-def _read_mission_result(vehicle: Px4State, t_usec: int, row: TopicRow) -> MissionCurrent | None:
+def _read_mission_result(vehicle: Px4State, t_usec: int, row: TopicRow) -> messages.MissionCurrent | None:
     finished = bool(row.get("finished", 0))
     if finished and not vehicle.finished:
-        vehicle.asked = (t_usec, Actor.MISSION)
+        vehicle.asked = (t_usec, messages.Actor.MISSION)
     vehicle.finished = finished
     item = (int(row["seq_current"]), int(row.get("seq_total", 0)))
     if item == vehicle.item or item[1] <= 0:
         return None
     vehicle.item = item
-    return MissionCurrent(*item)
+    return messages.MissionCurrent(*item)
 
 
-def build_status_text(level: int, text: str) -> StatusText:
+def build_status_text(level: int, text: str) -> messages.StatusText:
     """Return a text of the log: its level is a digit, and its console's colours are no part of it."""
-    return StatusText(
+    return messages.StatusText(
         level - ord("0") if level >= ord("0") else level, formatting.escape_controls(_COLOUR.sub("", text))
     )
 
@@ -410,10 +392,10 @@ TOPICS: Mapping[str, TopicReader] = {
 
 
 @dataclass(slots=True)
-class UlogFile(RecordedFile):
+class UlogFile(recorded_log.RecordedFile):
     """A .ulg being read."""
 
-    def read_records(self) -> Iterator[Record]:
+    def read_records(self) -> Iterator[recorded_log.Record]:
         """Yield what the log says, in the order of its time.
 
         Raises:
@@ -468,8 +450,7 @@ _Turn = tuple[int, Callable[[Px4State, int, Any], Px4Messages], Any]
 """When it is whose turn to be read."""
 
 
-def _repeat(_: Px4State, __: int, told: FlightMessage) -> Px4Messages:
-    """Return what is a message already."""
+def _repeat(_: Px4State, __: int, told: messages.FlightMessage) -> Px4Messages:
     return told
 
 
@@ -494,5 +475,5 @@ def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
     told = [(began_usec, *one) for one in log.initial_parameters.items()]
     told += [(int(t_usec), name, value) for t_usec, name, value in log.changed_parameters]
     for t_usec, name, value in sorted(told, key=lambda one: one[0]):
-        if is_wanted_setting(name) and _is_near(t_usec, began_usec) and math.isfinite(value):
-            yield t_usec, _repeat, VehicleSetting(name, float(value))
+        if recorded_log.is_wanted_setting(name) and _is_near(t_usec, began_usec) and math.isfinite(value):
+            yield t_usec, _repeat, messages.VehicleSetting(name, float(value))

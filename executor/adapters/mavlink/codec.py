@@ -207,7 +207,6 @@ class MavlinkCodec:
     """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
 
     def __post_init__(self) -> None:
-        """Begin knowing nobody."""
         self._mav = mav.MAVLink(None, *self.station)
         self._datagrams = FrameParser(in_datagrams=True, systems=self.systems)
 
@@ -352,7 +351,6 @@ class MavlinkCodec:
             yield messages.OrderSeen(command, None, None if self._is_for_us(ack) else to, system)
 
     def _parse_px4_event(self, unknown: Frame) -> Iterator[messages.OwnFailsafe | messages.ModeChange]:
-        """Yield what an event of PX4 is evidence of."""
         raw, system = bytes(unknown.get_msgbuf()), unknown.get_srcSystem()
         if message_id_of(raw) != message_readers.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
             return

@@ -47,7 +47,6 @@ class VehicleLink:
     """Messages of one vehicle; an endpoint brings its frames and says where to write to."""
 
     def __init__(self, sysid: int, codec: MavlinkCodec, log: Callable[[bytes], None] = lambda _: None) -> None:
-        """Make a link that leads nowhere yet."""
         self.sysid = sysid
         self.component = AUTOPILOT
         self.counts = LinkCounts(missing=0)

@@ -18,15 +18,8 @@ from executor.adapters.mavlink.endpoints import Router, VehicleLink, Write, desc
 from executor.adapters.mavlink.frame_layout import LinkSigning
 from executor.adapters.mavlink.joined_link import JoinedLink
 from executor.adapters.mavlink.message_readers import Frame
+from executor.core import forwarding
 from executor.core.formatting import escape_controls, format_count
-from executor.core.forwarding import (
-    HEARTBEAT,
-    Allowance,
-    Bucket,
-    ForwardRules,
-    StationFrame,
-    make_allowance,
-)
 from executor.core.interface import messages
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.ports import Keyring
@@ -56,12 +49,12 @@ STEERING = frozenset({"RC_CHANNELS_OVERRIDE", "MANUAL_CONTROL", "SET_ATTITUDE_TA
 ASKS = ("MAV_CMD_REQUEST_", "MAV_CMD_GET_", "MAV_CMD_SET_MESSAGE_INTERVAL", "MAV_CMD_RUN_PREARM_CHECKS")
 
 
-def read_station_frame(codec: MavlinkCodec, raw: bytes) -> StationFrame:
+def read_station_frame(codec: MavlinkCodec, raw: bytes) -> forwarding.StationFrame:
     """Return what the rules go by, of a whole frame."""
     frame = codec.parse_whole(raw)
     system = 3 if raw[0] == frame_layout.V1 else 5
     target = getattr(frame, "target", 0) if frame.get_type() == "MANUAL_CONTROL" else target_of(raw)
-    return StationFrame(
+    return forwarding.StationFrame(
         raw[system], raw[system + 1], frame_layout.message_id_of(raw), len(raw), target,
         frame.command if frame.get_type() in {"COMMAND_LONG", "COMMAND_INT"} else None,
         describe_act(frame, codec.autopilots.get(target)),
@@ -108,7 +101,7 @@ class _Peer:
 class Forwarder:
     """Passes frames between vehicles and stations; all times are those of `now_s`, in seconds."""
 
-    rules: ForwardRules
+    rules: forwarding.ForwardRules
     now_s: Callable[[], float]
     shares: Mapping[int, RadioShare] = field(default_factory=dict)
     """What each vehicle has of its radio, by its system."""
@@ -121,10 +114,10 @@ class Forwarder:
     """Vehicles behind a radio that reports itself."""
     autopilots: dict[int, int] = field(default_factory=dict)
     """MAV_AUTOPILOT of vehicles, by their systems."""
-    _allowances: dict[object, tuple[float | None, Allowance]] = field(default_factory=dict)
+    _allowances: dict[object, tuple[float | None, forwarding.Allowance]] = field(default_factory=dict)
     """Of each channel, with the share that it was made for."""
     _told_s: dict[tuple[object, ...], float] = field(default_factory=dict)
-    _lines: dict[Sender, Bucket] = field(default_factory=dict)
+    _lines: dict[Sender, forwarding.Bucket] = field(default_factory=dict)
     """What may still be told of each station."""
 
     def tap(self, received: DecodedFrame, about: Collection[int]) -> None:
@@ -162,7 +155,7 @@ class Forwarder:
             peer.stations.add(frame.system)
         why = self.rules.find_refusal(frame, signed=received.refused is None)
         if why:
-            if frame.number != HEARTBEAT:
+            if frame.number != forwarding.HEARTBEAT:
                 self._tell(frame, why, passed=False)
             elif self._admit(frame, None):
                 self._hear(received, self.rules.vehicles)
@@ -173,7 +166,7 @@ class Forwarder:
             for sysid in sorted(reached):
                 self._tell(frame, frame.does, sysid)
 
-    def _pass_on(self, frame: StationFrame, raw: bytes) -> set[int]:
+    def _pass_on(self, frame: forwarding.StationFrame, raw: bytes) -> set[int]:
         """Send a frame to whom it is for, once over each channel; returns the vehicles that it goes to."""
         reached, sent = set[int](), dict[object, bool]()
         for sysid in sorted(self.rules.select_targets(frame)):
@@ -188,7 +181,7 @@ class Forwarder:
                 reached.add(sysid)
         return reached
 
-    def _admit(self, frame: StationFrame, vehicle: AnyLink | None) -> bool:
+    def _admit(self, frame: forwarding.StationFrame, vehicle: AnyLink | None) -> bool:
         """Return whether a channel has room for a frame; without a vehicle, whether it is time to hear it here."""
         share = ALONE
         if vehicle is not None:
@@ -198,7 +191,7 @@ class Forwarder:
         if len(self._allowances) > MOST_CHANNELS:
             self._allowances.clear()
         known = self._allowances.get(channel)
-        allowance = make_allowance(theirs) if known is None or known[0] != theirs else known[1]
+        allowance = forwarding.make_allowance(theirs) if known is None or known[0] != theirs else known[1]
         after, why = allowance.admit(frame, self.now_s(), busy=vehicle is not None and self.is_busy(vehicle))
         self._allowances[channel] = theirs, after
         if why:
@@ -221,14 +214,16 @@ class Forwarder:
         for vehicle in tuple(self.links.values())[:1]:
             vehicle.hear(messages.StationActed(0, 0, words, passed=not still))
 
-    def _tell(self, frame: StationFrame, words: str, sysid: int | None = None, *, passed: bool = True) -> None:
+    def _tell(
+        self, frame: forwarding.StationFrame, words: str, sysid: int | None = None, *, passed: bool = True
+    ) -> None:
         """Tell the crew what a station does to a vehicle, or why it may not."""
         key, now_s = (frame.sender, words, sysid), self.now_s()
         if now_s - self._told_s.get(key, -SAME_S) < SAME_S:
             return
         if frame.sender not in self._lines and len(self._lines) >= MOST_STATIONS:
             return
-        bucket = self._lines.setdefault(frame.sender, Bucket(TOLD_HZ, TOLD_AT_ONCE))
+        bucket = self._lines.setdefault(frame.sender, forwarding.Bucket(TOLD_HZ, TOLD_AT_ONCE))
         if passed:
             left = bucket.take(1.0, now_s)
             if left is None:
@@ -245,7 +240,6 @@ class StationPort(Router):
     """A port where other stations are: what comes goes to the forwarder."""
 
     def __init__(self, forwarder: Forwarder, codec: MavlinkCodec, connection: Connection) -> None:
-        """Make one for a connection."""
         super().__init__((), codec)
         self._forwarder, self._connection, self._lost = forwarder, connection, False
         self._way: Write | None = None
@@ -314,7 +308,6 @@ async def open_station_ports(
 
 
 async def _keep_opening(forwarder: Forwarder, connection: Connection, port: StationPort) -> None:
-    """Open a port that could not be opened, and keep it open."""
     while True:
         await asyncio.sleep(AGAIN_S)
         async with AsyncExitStack() as stack:

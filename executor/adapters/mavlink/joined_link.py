@@ -15,7 +15,7 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
 
-from executor.adapters.mavlink.codec import DecodedFrame, Sender
+from executor.adapters.mavlink.codec import Sender
 from executor.adapters.mavlink.endpoints import Tap, VehicleLink, leave_frame, open_mavlink_links
 from executor.core.interface import messages
 from executor.core.interface.ports import Keyring, LinkCounts, LinkRequest, LinkView
@@ -158,10 +158,6 @@ class JoinedLink:
     def send_frame(self, frame: bytes, *, to_all: bool = False) -> None:
         """Send a frame as it is, over the better link; `to_all` if it is for everybody behind the same port."""
         self.used.send_frame(frame, to_all=to_all)
-
-    def receive_foreign(self, received: DecodedFrame, source: str = "") -> None:
-        """Take a frame of a system that is nobody's vehicle."""
-        self.used.receive_foreign(received, source)
 
     def hear(self, message: messages.Message) -> None:
         """Hand on what did not come over these links, and is about their vehicle."""

@@ -413,7 +413,6 @@ class StatusTextAssembler:
     """The texts of everybody behind one endpoint."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
         self._texts: dict[Source, dict[int, _PartialText]] = {}
         self._frames: dict[Source, int] = {}
 

@@ -217,7 +217,6 @@ class TelemetryFile(RecordedFile):
         self._explain_no_vehicle()
 
     def _explain_no_vehicle(self) -> None:
-        """Note why there is nobody to follow, if nobody is."""
         if any(source.vehicle for source in self._sources.values()):
             return
         systems = sorted({key >> 8 for key in self._sources} - self.stations)
@@ -309,7 +308,6 @@ class TelemetryFile(RecordedFile):
         return lane
 
     def _read_frame(self, kind: WantedKind, frame: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
-        """Yield what a frame says that is wanted now."""
         source, lane.newest_usec = lane.source, stamp
         frames = self._parser.feed(frame)
         if not frames:
@@ -414,7 +412,6 @@ class TelemetryFile(RecordedFile):
         return filter_implausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
 
     def _is_record_at(self, buffer: bytes, at: int, end: int) -> bool:
-        """Return whether a whole record lies where one may begin."""
         size = len(buffer)
         if end > size:
             self.skipped.truncated = 1

@@ -116,7 +116,6 @@ class MavsdkLink:
     """Messages of one vehicle through MAVSDK; lives on the event loop."""
 
     def __init__(self, order: LinkRequest, translator: Translator) -> None:
-        """Make a link that leads nowhere until MAVSDK has found the system."""
         self.sysid = order.sysid
         self.connection = str(order.connection)
         self.ways, self.is_alive = (self,), True

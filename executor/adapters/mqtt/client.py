@@ -37,7 +37,6 @@ class Outbox:
     """Messages for the broker, in the order in which they are to be sent."""
 
     def __init__(self, most_kept: int = MOST_KEPT) -> None:
-        """Begin empty."""
         self._most_kept = most_kept
         self._cells: dict[str, MqttMessage] = {}
         self._row: deque[MqttMessage] = deque()
@@ -50,7 +49,6 @@ class Outbox:
         """How many messages of a topic were given up because too many waited."""
 
     def __len__(self) -> int:
-        """Return how many messages wait."""
         return len(self._cells) + len(self._row)
 
     def put_latest(self, letter: MqttMessage) -> None:
@@ -93,6 +91,10 @@ class Outbox:
             self._cells.setdefault(letter.topic, letter)
             self._ready.set()
 
+    def list_retained(self) -> tuple[str, ...]:
+        """Return the topics that a broker holds a message of."""
+        return tuple(topic for topic, letter in self._retained.items() if letter.payload)
+
     def close(self) -> None:
         """Wait for nothing more: `ready` returns at once from now on."""
         self._closed = True
@@ -119,6 +121,7 @@ WAITS_S = (1.0, 2.0, 4.0, 8.0, 15.0)
 """Between attempts to connect; the last stands for all that follow."""
 STEADY_S = 30.0
 """A connection that lasted so long was a good one: after it the waits begin anew."""
+PROTOCOLS = {"3.1.1": aiomqtt.ProtocolVersion.V311, "5": aiomqtt.ProtocolVersion.V5}
 QOS = 1
 """Of everything: what is not acknowledged fills the buffers of a slow line with what is old by then."""
 BATCH = 10
@@ -160,6 +163,8 @@ class MqttClient:
     """Called with every message that comes in, and whether the broker had kept it; must not wait."""
     _say: Callable[[Level, str], None]
     """Called with what the operator should know of the connection."""
+    _clear: bool = False
+    """Whether the broker is to forget in the end what it holds."""
     _closing: asyncio.Event = field(default_factory=asyncio.Event)
     _was_there: bool = False
     _complained: bool = False
@@ -199,6 +204,9 @@ class MqttClient:
             will=aiomqtt.Will(will.topic, will.payload, QOS, will.retain),
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
+            protocol=PROTOCOLS[self._broker.protocol],
+            transport="tcp" if self._broker.websocket_path is None else "websockets",
+            websocket_path=self._broker.websocket_path,
             max_queued_incoming_messages=INBOX,
             logger=_log,
         )
@@ -218,6 +226,8 @@ class MqttClient:
                 reader = tasks.create_task(self._read(client), name="mqtt intents")
                 await self._write(client)
                 reader.cancel()
+            if self._clear:
+                await self._send(client, [MqttMessage(one, b"", retain=True) for one in self._outbox.list_retained()])
             await _publish(client, self._presence(Presence.OFFLINE))
         except BaseException:
             # Without a goodbye, so that the broker publishes the last will.

@@ -6,8 +6,10 @@ the topic, the states of a connection. What a flight looks like is in the core's
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import pairwise, zip_longest
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -24,9 +26,10 @@ from executor.core.interface.intents import IntentReason, IntentRecord
 from executor.core.state.fleet_state import FleetState, Question
 from executor.core.state.vehicle_state import FaultCode
 from missions import PlanFile
-from missions.validation import document_of
+from missions.plan_parts import PlanSegment
+from missions.validation import Place, document_of
 
-VERSION = "1.7.0"
+VERSION = "1.8.0"
 
 
 class MqttPayload(BaseModel):
@@ -146,11 +149,26 @@ class FaultMessage(MqttPayload):
 
 
 class PlanMessage(MqttPayload):
-    """The plan in force; retained."""
+    """The plan in force; retained. Of a large one the first part: further segments are in messages of their own."""
 
     revision: int
+    parts: Annotated[int, Field(ge=1)] = 1
+    """Of the plan, this message included: part 2 is on `fleet/plan/2`, and so on."""
     plan: Annotated[dict[str, Any], document_of(PlanFile)]
     """As a plan file has it (faultline-plan/2)."""
+
+
+class PlanPartMessage(MqttPayload):
+    """More segments of a large plan; retained."""
+
+    revision: int
+    """Of the plan that they belong to."""
+    part: Annotated[int, Field(ge=2)]
+    parts: int
+    segments: Annotated[list[dict[str, Any]], document_of(tuple[PlanSegment, ...])]
+    """They follow those of the part before, in the plan's `segments`."""
+    tracks_m: Annotated[list[Any], document_of(tuple[tuple[Place, Place], ...])]
+    """The same of the plan's `model.tracks_m`; empty where it has no `model`."""
 
 
 class AcknowledgementMessage(MqttPayload):
@@ -176,6 +194,8 @@ ASSETS_EVERY_S = 10.0
 """Real seconds between two messages about assets, at least: each picture changes them."""
 ASSETS_S_PER_BYTE = 0.001
 """What a message about thousands of them adds to that: a slow line has others to carry."""
+MOST_PLAN_BYTES = 120_000
+"""Of one message about a plan: brokers of clouds take 128 KB."""
 Content = Mapping[str, object]
 _FLEET = tuple(name for name in FleetStateMessage.model_fields if name in FleetView.__dataclass_fields__)
 
@@ -200,6 +220,7 @@ class Publisher:
         self._states: dict[str, tuple[object, float]] = {}
         self._records: Mapping[str, IntentRecord] = {}
         self._faults: set[tuple[str, float]] = set()
+        self._plan_parts = 1
         self._assets: Sequence[AssetView] | None = None
         self._assets_s = (float("-inf"), 0.0)
         """When they were looked at last, and for how long that will do."""
@@ -260,11 +281,18 @@ class Publisher:
         self._outbox.enqueue(self._build_message(self._topics.fleet_topic("event"), EventMessage, content))
 
     def publish_plan(self, revision: int, document: Mapping[str, object]) -> None:
-        """Publish the plan in force."""
-        content = {"revision": revision, "plan": document}
-        self._outbox.put_latest(
-            self._build_message(self._topics.fleet_topic("plan"), PlanMessage, content, retain=True)
-        )
+        """Publish the plan in force, a large one in parts."""
+        plan, *more = split_plan(document)
+        parts, topic = 1 + len(more), self._topics.fleet_topic("plan")
+        content = {"revision": revision, "parts": parts, "plan": plan}
+        self._outbox.put_latest(self._build_message(topic, PlanMessage, content, retain=True))
+        for part, rest in enumerate(more, start=2):
+            content = {"revision": revision, "part": part, "parts": parts, **rest}
+            topic = self._topics.plan_part_topic(part)
+            self._outbox.put_latest(self._build_message(topic, PlanPartMessage, content, retain=True))
+        for part in range(parts + 1, self._plan_parts + 1):  # of the plan before
+            self._outbox.put_latest(MqttMessage(self._topics.plan_part_topic(part), b"", retain=True))
+        self._plan_parts = parts
 
     def publish_refusal(self, refusal: RefusedMessage) -> None:
         """Say that a message is not carried out."""
@@ -313,6 +341,31 @@ class Publisher:
         stamp = datetime.fromtimestamp(self._unix_s(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         message = kind.model_validate({"headerId": number, "timestamp": stamp, "run": self._run, **content})
         return MqttMessage(topic, message.model_dump_json().encode(), retain)
+
+
+def split_plan(document: Mapping[str, Any], most_bytes: int = MOST_PLAN_BYTES) -> Iterator[dict[str, Any]]:
+    """Yield a plan with as many of its segments as a message holds, then the others with their tracks, part by part."""
+
+    def size(value: object) -> int:
+        return len(json.dumps(value, separators=(",", ":")))
+
+    segments, model = document["segments"], document.get("model")
+    tracks = [] if model is None else model["tracks_m"]
+
+    def with_rows(begin: int, end: int) -> dict[str, Any]:
+        few = {} if model is None else {"model": {**model, "tracks_m": tracks[begin:end]}}
+        return {**document, **few, "segments": segments[begin:end]}
+
+    cuts, room = [0], most_bytes - size(with_rows(0, 0))
+    for number, row in enumerate(zip_longest(segments, tracks)):
+        cost = size(row)
+        if cost > room:
+            cuts.append(number)
+            room = most_bytes
+        room -= cost
+    first, *others = pairwise([*cuts, len(segments)])
+    yield with_rows(*first)
+    yield from ({"segments": segments[begin:end], "tracks_m": tracks[begin:end]} for begin, end in others)
 
 
 def _extract_slow_part(vehicle: VehicleView) -> object:

@@ -20,9 +20,11 @@ class BrokerAddress:
     username: str | None = None
     password: str | None = field(default=None, repr=False)
     tls: ssl.SSLContext | None = None
+    protocol: Literal["3.1.1", "5"] = "3.1.1"
+    websocket_path: str | None = None
+    """None for plain TCP."""
 
     def __str__(self) -> str:
-        """Return it as people write it."""
         return f"{self.host}:{self.port}"
 
 
@@ -43,6 +45,10 @@ class MqttTopics:
     def fleet_topic(self, what: Literal["state", "connection", "event", "fault", "plan", "assets"]) -> str:
         """Return a topic of the whole flight."""
         return f"{self}/fleet/{what}"
+
+    def plan_part_topic(self, part: int) -> str:
+        """Return where the second part of a plan, or a later one, is published."""
+        return f"{self.fleet_topic('plan')}/{part}"
 
     @property
     def intent_topic(self) -> str:

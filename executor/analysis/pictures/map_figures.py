@@ -95,14 +95,12 @@ def draw_flight_figure(record: flight_record.FlightRecord, ground: GroundView | 
 
 
 def _describe_choice(content: PlanFile) -> str:
-    """Return what the plan was chosen by, and what that came to."""
     if content.window is not None:
         return f"any one may be lost from {content.window.earliest_s:.0f} s on"
     return f"{content.cost.name} {content.cost.value:.2f}"
 
 
 def _compose_title(record: flight_record.FlightRecord) -> str:
-    """Return in a line what became of the flight."""
     total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
     text = f"{total - missing} of {total} segments inspected"
     lost = [f"{vehicle.name} lost at {format_flight_time(fault.detected_s)}" for vehicle, fault in record.losses]

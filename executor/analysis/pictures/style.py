@@ -23,14 +23,9 @@ COLOURS = (
 """In CIE lightness at least 5 apart, those that come first the farthest; no red: that is the loss's."""
 MARKERS = ("o", "^", "s", "D", "v", "P", "h")
 DASHES: tuple[Dashes, ...] = (
-    (0, (4.0, 1.6)),
-    (0, (1.6, 1.2)),
-    (0, (7.0, 1.6, 1.4, 1.6)),
-    (0, (7.0, 3.0)),
-    (0, (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
-    (0, (10.0, 2.0)),
-    (0, (2.6, 2.6)),
-)
+    (0, (4.0, 1.6)), (0, (1.6, 1.2)), (0, (7.0, 1.6, 1.4, 1.6)), (0, (7.0, 3.0)), (0, (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
+    (0, (10.0, 2.0)), (0, (2.6, 2.6)),
+)  # fmt: skip
 """As many as markers, and no common divisor with the number of colours: 56 vehicles are told apart."""
 
 LOSS = "#c81414"

@@ -53,7 +53,6 @@ def close_base(context: Context, state: FleetState, base: str, now_s: float) -> 
 
 
 def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
-    """Keep a vehicle on the ground that is being sent out."""
     if vehicle.stage is Stage.STARTING and vehicle.armed and not vehicle.sortie.took_off:
         fault = Fault(FaultKind.OPERATOR, sorties.CLOSED_IN_START, now_s, FaultCode.OPERATOR_EXCLUDE)
         return declare_fault(context, state, vehicle, fault)

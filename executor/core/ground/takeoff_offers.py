@@ -145,7 +145,6 @@ def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> b
 
 
 def _is_landing_expected(state: FleetState) -> bool:
-    """Return whether somebody who may be offered is on its way home."""
 
     def comes_home(vehicle: VehicleState) -> bool:
         leg = vehicle.leg if vehicle.stage is Stage.FLYING else None

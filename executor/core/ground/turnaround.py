@@ -187,7 +187,6 @@ def find_awaited_vehicles(context: Context, state: FleetState, now_s: float) -> 
 
 
 def _is_done_for_day(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether no time is left for any sortie of a vehicle."""
     left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     return later_s is None and min_draw_pct(context, left_s) < LEAST_SPARE_PCT
 
@@ -333,7 +332,6 @@ def _open_later_sorties(
 
 
 def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Look at a vehicle that is being turned around."""
     turn, plan = vehicle.turn, state.replanning.replan
     if plan is not None and vehicle.name in plan.pending:
         return state, ()
@@ -370,7 +368,6 @@ def _find_end_reason(context: Context, state: FleetState, vehicle: VehicleState,
 
 
 def _last_position_s(vehicle: VehicleState) -> float:
-    """Return when a vehicle last said where it is."""
     return -math.inf if vehicle.motion.fix is None else vehicle.motion.fix.at_s
 
 

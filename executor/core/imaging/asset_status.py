@@ -116,7 +116,6 @@ def _classify_asset(coverage: Coverage, segment: int, gone: frozenset[int], left
 
 
 def _count_asked_pictures(context: Context, segment: int) -> dict[str, int]:
-    """Return how many pictures a segment asks of each camera."""
     looks = context.setup.looks
     pylon = looks.pylons.get(segment)
     if pylon is not None:

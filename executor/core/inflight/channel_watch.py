@@ -24,6 +24,7 @@ from executor.core.radio_budget import (
     list_streams_hz,
 )
 from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.link_quality import COUNT_S
 from executor.core.state.radio_channel import (
     ChannelMeasures,
     ChannelState,
@@ -60,8 +61,9 @@ def watch_channels(context: Context, state: FleetState, now_s: float) -> Stepped
         vehicles = [state.vehicles[name] for name in share.names]
         if now_s - known.looked_s < LOOKS_S or (found := measure_channel(share, vehicles, now_s)) is None:
             continue
-        known, lines = _take_look(known, found, now_s)
         busy = any(one.assignment.pending is not None for one in vehicles)
+        missions_s = now_s if busy else max(known.missions_s, state.progress.launched_s)
+        known, lines = _take_look(replace(known, missions_s=missions_s), found, now_s)
         dialect = context.vehicles[share.names[0]].dialect
         if any(_is_to_be_asked(vehicle, known.step) for vehicle in vehicles):
             after = known  # what that comes to is not known yet
@@ -96,6 +98,8 @@ def _describe_step(share: RadioShare, dialect: Dialect, step: int, *, raised: bo
 def _take_look(known: ChannelState, found: ChannelMeasures, now_s: float) -> tuple[ChannelState, list[Command]]:
     """Take one look, and say what is wrong once it has lasted, or that nothing is any more."""
     code, why = judge_channel(found) or (None, "")
+    if is_congestion(code) and now_s - known.missions_s < COUNT_S:
+        code, why = None, ""  # the uploads are still among the bytes that are counted
     since_s = known.found_since_s if is_congestion(code) is is_congestion(known.found) else now_s
     totals = _add_totals(known, found, min(now_s - known.looked_s, 2 * LOOKS_S))
     after = replace(known, looked_s=now_s, found=code, found_since_s=since_s, totals=totals)

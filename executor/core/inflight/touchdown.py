@@ -143,7 +143,6 @@ def _is_mode_unknown(vehicle: VehicleState, now_s: float) -> bool:
 
 
 def _has_stopped(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle on its way home has stopped for good."""
     fix, left_s, limits = vehicle.motion.fix, vehicle.sortie.left_s, context.limits
     if fix is None or vehicle.motion.anchor is None or left_s is None or now_s - left_s < limits.on_ground_s:
         return False

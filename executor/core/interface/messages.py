@@ -367,7 +367,6 @@ class Version:
     """dev, alpha, beta or rc; empty for an official release, or where nobody knows."""
 
     def __str__(self) -> str:
-        """Return it as people write it."""
         return f"{self.major}.{self.minor}.{self.patch}" + (f"-{self.release}" if self.release else "")
 
 

@@ -41,7 +41,6 @@ class SkippedRecords:
     """Messages of systems that are no known autopilot."""
 
     def __bool__(self) -> bool:
-        """Return whether there was anything."""
         return any(self.counts().values())
 
     def counts(self) -> dict[str, int]:

@@ -270,18 +270,9 @@ def _object_to_abort(pending: PendingIntent) -> Reasons:
 
 
 _OBJECTIONS: Mapping[Action, Callable[[PendingIntent], Reasons]] = {
-    Action.HOLD: _object_to_hold,
-    Action.RESUME: _object_to_resume,
-    Action.RETURN: _object_to_return,
-    Action.LAND: _object_to_landing,
-    Action.EXCLUDE: _object_to_exclusion,
-    Action.INCLUDE: _object_to_inclusion,
-    Action.SWAP: _object_to_swap,
-    Action.DISARM: _object_to_disarm,
-    Action.CLOSE: _object_to_base,
-    Action.COUNT: _object_to_count,
-    Action.OPEN: _object_to_base,
-    Action.REPLAN: _object_to_replan,
-    Action.PROVE: _object_to_proof,
-    Action.ABORT: _object_to_abort,
-}
+    Action.HOLD: _object_to_hold, Action.RESUME: _object_to_resume, Action.RETURN: _object_to_return,
+    Action.LAND: _object_to_landing, Action.EXCLUDE: _object_to_exclusion, Action.INCLUDE: _object_to_inclusion,
+    Action.SWAP: _object_to_swap, Action.DISARM: _object_to_disarm, Action.CLOSE: _object_to_base,
+    Action.COUNT: _object_to_count, Action.OPEN: _object_to_base, Action.REPLAN: _object_to_replan,
+    Action.PROVE: _object_to_proof, Action.ABORT: _object_to_abort,
+}  # fmt: skip

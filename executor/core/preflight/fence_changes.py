@@ -10,13 +10,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.lines import checklist
-from executor.core.preflight.onboard_failsafes import (
-    UNKNOWN,
-    describe_action,
-    fence_names,
-    read_fence_kinds,
-    select_names,
-)
+from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.parameter_changes import (
     REAL32,
     Answers,
@@ -49,7 +43,7 @@ def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
     setup = context.vehicles[name]
     rule = setup.dialect.geofence
     kinds, far = None if rule.kinds is None else rule.kinds[0], rule.rally_limit if setup.rallies else None
-    return select_names(kinds, rule.height, rule.action, rule.enable, far, *rule.enabled_by)
+    return onboard_failsafes.select_names(kinds, rule.height, rule.action, rule.enable, far, *rule.enabled_by)
 
 
 def propose_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
@@ -77,7 +71,7 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     if not names or any(one not in said for one in names):
         return []
     rule = context.vehicles[name].dialect.geofence
-    stands = read_fence_kinds(context.vehicles[name].dialect, {one: said[one].value for one in names})
+    stands = onboard_failsafes.read_fence_kinds(context.vehicles[name].dialect, {one: said[one].value for one in names})
     wanted: dict[str, tuple[float, str, str]] = {}
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
@@ -110,12 +104,12 @@ def check_fence_settings(context: Context, name: str, said: Present, made: Seque
         return [checklist.NO_FENCE.say(name, names=", ".join(missing))]
     rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
     action = int(new.get(rule.action, said[rule.action].value))
-    does = describe_action(rule.actions, action) if action else "nothing"
+    does = onboard_failsafes.describe_action(rule.actions, action) if action else "nothing"
     setting = f"{rule.action}={action}"
     top = new.get(rule.height, said[rule.height].value)
     margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
-    if does in {"nothing", "warning", UNKNOWN}:
-        does = UNKNOWN if does == UNKNOWN else checklist.DOES_NOTHING
+    if does in {"nothing", "warning", onboard_failsafes.UNKNOWN}:
+        does = onboard_failsafes.UNKNOWN if does == onboard_failsafes.UNKNOWN else checklist.DOES_NOTHING
         return [checklist.FENCE_IDLE.say(name, does=does, setting=setting)]
     return [checklist.FENCE.say(name, margin_m=margin_m, top=format_number(top), does=does, setting=setting)]
 
@@ -151,9 +145,9 @@ def _check_onboard_fence(
         return []
     what = checklist.FOREIGN_FENCE.format(items=format_count(len(fence), "item"))
     asked = checklist.IS_FENCE_ON.format(fence=what)
-    if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
+    if unread := facts.check_parameters_read(onboard_failsafes.fence_names(dialect), asked, CheckCode.GEOFENCE):
         return unread
-    if not read_fence_kinds(dialect, facts.parameters) & (dialect.geofence.polygons or -1):
+    if not onboard_failsafes.read_fence_kinds(dialect, facts.parameters) & (dialect.geofence.polygons or -1):
         return [checklist.FENCE_OFF.say(name, fence=what)]
     setup, waypoints = context.vehicles[name], path.waypoints if path else ()
     pad_m, places = setup.pad_m, [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in waypoints]

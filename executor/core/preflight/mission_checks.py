@@ -5,19 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+import missions
 from executor.core.formatting import format_count, join_first_names
 from executor.core.interface.codes import Check, Severity
 from executor.core.lines import checklist
-from missions import (
-    FlightPath,
-    FlightSetup,
-    check_ceiling,
-    check_clearance,
-    check_network_clearance,
-    find_height_extremes,
-    find_max_return_height,
-    min_height_over_tops_m,
-)
 from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.inspection_height import build_airway, check_inspection_airspace, segment_distances_m
 from missions.terrain import Terrain
@@ -33,7 +24,7 @@ OFF_PAD_M = 20.0
 
 
 def check_flight_heights(
-    setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequence[str] = ()
+    setup: missions.FlightSetup, paths: Sequence[missions.FlightPath], worth_a_look: Sequence[str] = ()
 ) -> list[Check]:
     """Return what the checklist says of the heights: by which they are flown, and every reason not to fly.
 
@@ -46,26 +37,26 @@ def check_flight_heights(
         checklist.HEIGHTS.say("heights", heights=describe_heights(setup, paths)),
         *(checklist.HEIGHTS.say("heights", Severity.WARNING, heights=text) for text in worth_a_look),
         *(checklist.TOO_LOW.say("heights", found=text) for text in find_low_places(setup, paths)),
-        *(checklist.TOO_HIGH.say("heights", found=text) for text in check_ceiling(setup, paths)),
+        *(checklist.TOO_HIGH.say("heights", found=text) for text in missions.check_ceiling(setup, paths)),
     ]
 
 
-def find_low_places(setup: FlightSetup, paths: Sequence[FlightPath]) -> list[str]:
+def find_low_places(setup: missions.FlightSetup, paths: Sequence[missions.FlightPath]) -> list[str]:
     """Return in words where a flight, or one of a later plan, comes too near to the ground or to a line."""
-    everywhere = check_network_clearance(setup)
+    everywhere = missions.check_network_clearance(setup)
     more = [checklist.MORE_PLACES.format(count=len(everywhere) - SHOWN)] if len(everywhere) > SHOWN else []
-    return [*check_clearance(setup, paths), *everywhere[:SHOWN], *more]
+    return [*missions.check_clearance(setup, paths), *everywhere[:SHOWN], *more]
 
 
-def describe_heights(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
+def describe_heights(setup: missions.FlightSetup, paths: Sequence[missions.FlightPath]) -> str:
     """Return by which heights is flown: "over the pylon tops, by 14.6 m or more; 41 to 82 m over the ground"."""
     text = f"over {setup.layers.reference.value}"
     if setup.network.flat:
         text += ", taken to be flat" if not setup.network.has_heights else ", on ground that is taken to be flat"
-    least_m = min_height_over_tops_m(setup, paths)
+    least_m = missions.min_height_over_tops_m(setup, paths)
     if least_m is not None:
         text += f", by {least_m:.1f} m or more"
-    heights = find_height_extremes(setup, paths)
+    heights = missions.find_height_extremes(setup, paths)
     if heights is not None:
         low, high = heights
         text += f"; {low.height_m:.0f} to {high.height_m:.0f} m over the ground"
@@ -80,27 +71,27 @@ def describe_heights(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
         most_m = float(setup.layers.raised_m.max())
         text += f"; {int(raised.sum())} of {len(raised)} pylons are passed up to {most_m:.0f} m higher than asked"
         text += ", for the ground beside them"
-    own_m = find_max_return_height(setup).height_m
+    own_m = missions.find_max_return_height(setup).height_m
     return f"{text}, RTL up to {own_m:.0f} m; ceiling {setup.inspection.ceiling_m:g} m"
 
 
-def build_heights_document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[str, object]:
+def build_heights_document(setup: missions.FlightSetup, paths: Sequence[missions.FlightPath]) -> dict[str, object]:
     """Return the same as plain data, in metres."""
-    heights = find_height_extremes(setup, paths)
-    least_m = min_height_over_tops_m(setup, paths)
+    heights = missions.find_height_extremes(setup, paths)
+    least_m = missions.min_height_over_tops_m(setup, paths)
     return {
         "over": setup.layers.reference.value,
         "flat": setup.network.flat,
         "least_over_tops_m": None if least_m is None else round(least_m, 1),
         "least_over_ground_m": None if heights is None else round(heights[0].height_m, 1),
         "most_over_ground_m": None if heights is None else round(heights[1].height_m, 1),
-        "return_over_ground_m": round(find_max_return_height(setup).height_m, 1),
+        "return_over_ground_m": round(missions.find_max_return_height(setup).height_m, 1),
         "ceiling_m": setup.inspection.ceiling_m,
         **({} if setup.terrain is None else {"terrain": _build_terrain_document(setup, setup.terrain)}),
     }
 
 
-def _build_terrain_document(setup: FlightSetup, terrain: Terrain) -> dict[str, object]:
+def _build_terrain_document(setup: missions.FlightSetup, terrain: Terrain) -> dict[str, object]:
     known = terrain.elevation
     return {
         "source": known.source,
@@ -130,7 +121,7 @@ def describe_inspection_distances(asked_m: float, inspected: Iterable[tuple[str,
 
 
 def check_inspection_distances(
-    setup: FlightSetup, paths: Sequence[FlightPath], visits: Mapping[str, Sequence[int]]
+    setup: missions.FlightSetup, paths: Sequence[missions.FlightPath], visits: Mapping[str, Sequence[int]]
 ) -> list[Check]:
     """Return at which distance is inspected, and who comes too near to the air in which another goes to the line.
 
@@ -157,8 +148,8 @@ def check_inspection_distances(
 
 
 def check_missions_and_areas(
-    setup: FlightSetup,
-    paths: Sequence[FlightPath],
+    setup: missions.FlightSetup,
+    paths: Sequence[missions.FlightPath],
     routes: Mapping[str, Sequence[int]],
     stated_m: Mapping[str, tuple[float, float]],
 ) -> list[Check]:

@@ -9,23 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from executor.core.battery import pack_condition, voltage
-from executor.core.battery.pack_condition import RECENT, PackCondition, PackState
+from executor.core.battery.pack_condition import RECENT, PackCondition
 from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
+from executor.core.interface import messages
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.connection import Connection, Scheme
-from executor.core.interface.messages import (
-    GROUND_STATION,
-    DoubleHeard,
-    Gps,
-    Heartbeat,
-    Position,
-    StationActed,
-    StationHeard,
-    SystemStatus,
-    Version,
-)
 from executor.core.interface.ports import LinkView
 from executor.core.lines import checklist
 from executor.core.preflight import onboard_failsafes
@@ -71,26 +61,26 @@ class VehicleFacts:
     """What one vehicle said before the flight."""
 
     name: str
-    heartbeat: Heartbeat
-    position: Position
+    heartbeat: messages.Heartbeat
+    position: messages.Position
     remaining_pct: float
-    version: Version | None
+    version: messages.Version | None
     parameters: Parameters
     """Those that were answered."""
-    stations: tuple[StationHeard, ...] = ()
+    stations: tuple[messages.StationHeard, ...] = ()
     """Other ground stations whose heartbeats came over its link."""
-    doubles: tuple[DoubleHeard, ...] = ()
+    doubles: tuple[messages.DoubleHeard, ...] = ()
     """Other vehicles with its number."""
     voltage_v: float | None = None
     """Of its pack at rest."""
     cells: int | None = None
     """How many cells it tells apart."""
-    gps: Gps | None = None
+    gps: messages.Gps | None = None
     """What its position is by; None where it did not say."""
     unread: frozenset[str] = frozenset()
     """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
     link: LinkMeasures = UNMEASURED
-    acts: tuple[StationActed, ...] = ()
+    acts: tuple[messages.StationActed, ...] = ()
     """What stations behind `[forward]` did, or may not do."""
     links: tuple[LinkView, ...] = ()
     """Each of its links, where it has several."""
@@ -191,7 +181,7 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
     return checklist.DECLARED_LOST.say(facts.name, severity, failsafe=own.words, waited_s=waited_s)
 
 
-def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = GROUND_STATION[0]) -> list[Check]:
+def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = messages.GROUND_STATION[0]) -> list[Check]:
     """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for.
 
     Args:
@@ -436,14 +426,14 @@ def parse_prearm_reason(text: str) -> str | None:
     return None
 
 
-def find_missing_before_takeoff(position: Position | None, remaining_pct: float | None) -> str:
+def find_missing_before_takeoff(position: messages.Position | None, remaining_pct: float | None) -> str:
     """Return what a vehicle must have said before it is asked to arm, in words; empty if nothing is missing."""
     if position is None or (position.lat_deg == 0.0 and position.lon_deg == 0.0):
         return "no position"
     return "no battery state" if remaining_pct is None else ""
 
 
-def describe_prearm_failure(reasons_s: Mapping[str, float], status: SystemStatus | None, now_s: float) -> str:
+def describe_prearm_failure(reasons_s: Mapping[str, float], status: messages.SystemStatus | None, now_s: float) -> str:
     """Return why the pre-arm checks fail.
 
     Args:
@@ -510,12 +500,7 @@ def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest |
         return None
     known = pack_facts_from_parameters(heard.parameters).override_with(setup.pack)
     cells = heard.cells or known.cells or voltage.least_cell_count(heard.voltage_v)
-    at_rest = pack_condition.apply_pack_voltage(
-        PackState(known), heard.voltage_v, None, heard.remaining_pct, 0.0, idle=True
-    )
-    found = pack_condition.assess_pack(at_rest, cells, known, heard.remaining_pct, 0.0)
-    if found is None:
-        return None
+    found = pack_condition.assess_resting_pack(heard.voltage_v, cells, known, heard.remaining_pct)
     count = (checklist.CELLS if heard.cells or known.cells else checklist.CELLS_AT_LEAST).format(cells=cells)
     reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
     return PackAtRest(found, count, reads_volts)

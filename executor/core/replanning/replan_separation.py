@@ -111,7 +111,6 @@ def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bo
 
 
 def _is_in_its_layer(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether it is seen in its layer, or above it."""
     fix = vehicle.motion.fix
     if fix is None:
         return False
@@ -276,7 +275,6 @@ def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new:
 
 
 def _join_airways(one: Airway, other: Airway) -> Airway:
-    """Return all legs of two airways of one vehicle."""
     legs_m, below_m = np.concatenate((one.legs_m, other.legs_m)), np.concatenate((one.below_m, other.below_m))
     return replace(one, legs_m=legs_m, below_m=below_m)
 

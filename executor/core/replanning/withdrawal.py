@@ -10,13 +10,7 @@ from dataclasses import replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.inflight import homing
-from executor.core.inflight.custody.mode_causes import (
-    attribute_mode_change,
-    is_long_hold,
-    is_under_foreign_control,
-    is_unseen_hold,
-    max_failsafe_hold_s,
-)
+from executor.core.inflight.custody import mode_causes
 from executor.core.inflight.homing import HomingAction, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, HandsOff, Resume
 from executor.core.interface.messages import Actor
@@ -49,7 +43,7 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
         stage, then = Stage.DOWN, describe_last_position(context, vehicle, now_s)
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
-    elif is_under_foreign_control(vehicle):
+    elif mode_causes.is_under_foreign_control(vehicle):
         stage, then = Stage.PILOT, custody.WITH_PILOT
     elif vehicle.stage is Stage.STARTING and not vehicle.sortie.took_off:
         stage, then, commands = Stage.RETURNING, replanning.DISARM, (Disarm(vehicle.name, force=False),)
@@ -91,7 +85,6 @@ def _find_left_segments(state: FleetState, vehicle: VehicleState) -> frozenset[i
 
 
 def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -> str:
-    """Return what becomes of what a vehicle leaves; nothing where it leaves nothing."""
     if not left or state.progress.recalled:
         return ""
     others = any(
@@ -161,17 +154,16 @@ def _describe_mode(context: Context, vehicle: VehicleState) -> str:
 
 
 def _describe_new_controller(context: Context, vehicle: VehicleState) -> str:
-    """Return in words who has taken a vehicle, as far as anything says so."""
     if vehicle.assignment.carried.foreign_s is not None:
         return pilot.FOREIGN_MISSION.format(mission=vehicle.assignment.carried.words)
-    by = attribute_mode_change(context.vehicles[vehicle.name], vehicle).by
+    by = mode_causes.attribute_mode_change(context.vehicles[vehicle.name], vehicle).by
     known = {Actor.PILOT: pilot.PILOT_SWITCHED, Actor.GROUND_STATION: pilot.STATION_ORDERED}
     words = known.get(by, pilot.WITH_PILOT)
-    if is_unseen_hold(context, vehicle):
+    if mode_causes.is_unseen_hold(context, vehicle):
         words = pilot.UNSEEN_MODE
-    elif is_long_hold(context, vehicle):
+    elif mode_causes.is_long_hold(context, vehicle):
         words = pilot.LONG_HOLD
-    held_s = max_failsafe_hold_s(context, vehicle.name)
+    held_s = mode_causes.max_failsafe_hold_s(context, vehicle.name)
     return words.format(mode=_describe_mode(context, vehicle), held_s=held_s)
 
 

@@ -219,7 +219,6 @@ def _infer_in_flight(
 def _describe_deviation(
     context: Context, state: VehicleState, before: LastKnown, fix: PositionFix, board: OnboardMission, waypoint: int
 ) -> str:
-    """Return why a vehicle in the air is not where its mission leads; empty if it is."""
     if not is_mission_mode(context.vehicles[state.name].dialect, state.mode):
         return resume.NOT_ON_MISSION
     if waypoint < before.waypoint:

@@ -16,16 +16,9 @@ from executor.core import vehicle_learning
 from executor.core.battery import account
 from executor.core.battery.kalman import Projection, project_remaining
 from executor.core.context import Context, Scene, VehicleSetup
+from executor.core.state import vehicle_parts
 from executor.core.state.bases import settle_at_base
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import (
-    FlownLeg,
-    FlownSortie,
-    LegBoundary,
-    OnboardMission,
-    PositionFix,
-    PowerState,
-)
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import LegEstimate, Phase
@@ -150,7 +143,7 @@ def _pace_uncertainty_pct(state: VehicleState, setup: VehicleSetup, waypoint: in
     return math.hypot(learned.inspect.sd * inspect_pct, learned.transit.sd * transit_pct)
 
 
-def remaining_leg_share(board: OnboardMission, waypoint: int, fix: PositionFix) -> float:
+def remaining_leg_share(board: vehicle_parts.OnboardMission, waypoint: int, fix: vehicle_parts.PositionFix) -> float:
     """Return how much of the leg to a waypoint lies before a vehicle at a place on it."""
     end, end_up_m = board.places_m[waypoint], board.path.waypoints[waypoint].alt_rel_m
     begin, begin_up_m = end, 0.0  # the climb from the pad
@@ -202,11 +195,11 @@ def end_landing_leg(state: VehicleState, now_s: float, start: LearnedFactors = U
     return _end_legs(state, assignment.waypoint, assignment.waypoint + 1, now_s, start)
 
 
-def _build_leg_boundary(state: VehicleState, now_s: float) -> LegBoundary:
+def _build_leg_boundary(state: VehicleState, now_s: float) -> vehicle_parts.LegBoundary:
     battery, given_pct = state.power.battery, None
     if battery.estimate is not None and battery.first_pct is not None:
         given_pct = battery.earlier_pct + battery.first_pct - battery.estimate.remaining_pct
-    return LegBoundary(now_s, given_pct, battery.modelled_pct)
+    return vehicle_parts.LegBoundary(now_s, given_pct, battery.modelled_pct)
 
 
 def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, start: LearnedFactors) -> VehicleState:
@@ -215,13 +208,13 @@ def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, st
     if board is None:
         return state
     end = _build_leg_boundary(state, now_s)
-    flown: list[FlownLeg] = []
+    flown: list[vehicle_parts.FlownLeg] = []
     # Of several at once it is known when the first began and the last ended.
     for leg in range(waypoint, min(goes_to, len(board.legs))):
         point = board.path.waypoints[leg]
         segment = None if point.visit is None else segment_of(board.visits[point.visit])
         ended = end if leg == goes_to - 1 else None
-        flown.append(FlownLeg(board.revision, leg, point.phase, segment, board.legs[leg], began, ended))
+        flown.append(vehicle_parts.FlownLeg(board.revision, leg, point.phase, segment, board.legs[leg], began, ended))
         began = None
     lands = goes_to >= len(board.legs)
     assignment = replace(state.assignment, flown=(*state.assignment.flown, *flown), leg_began=None if lands else end)
@@ -230,8 +223,7 @@ def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, st
     return replace(state, assignment=assignment)
 
 
-def _learn_from_leg(state: VehicleState, leg: FlownLeg, start: LearnedFactors) -> LearnedFactors | None:
-    """Return what is known of a vehicle after a leg."""
+def _learn_from_leg(state: VehicleState, leg: vehicle_parts.FlownLeg, start: LearnedFactors) -> LearnedFactors | None:
     known, began, ended = state.assignment.learned, leg.began, leg.ended
     if began is None or ended is None or not _is_undisturbed(state, began.at_s):
         return known
@@ -268,7 +260,9 @@ def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> Vehi
         before = before[:-1]
     own = tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name))
     rest_v = None if rest is None else rest.voltage_v
-    sortie = FlownSortie(len(before) + 1, turn.label, now_s, vehicle.power.battery.remaining_pct, rest_v, own)
+    sortie = vehicle_parts.FlownSortie(
+        len(before) + 1, turn.label, now_s, vehicle.power.battery.remaining_pct, rest_v, own
+    )
     sortie = replace(sortie, base=turn.base, lands=turn.lands_at)
     return vehicle.with_turn(sorties=(*before, sortie))
 
@@ -293,6 +287,6 @@ def end_sortie(context: Context, vehicle: VehicleState, now_s: float) -> Vehicle
     return vehicle.with_turn(sorties=(*turn.sorties[:-1], last))
 
 
-def is_charge_fresh(context: Context, power: PowerState, now_s: float) -> bool:
+def is_charge_fresh(context: Context, power: vehicle_parts.PowerState, now_s: float) -> bool:
     """Return whether the percentage was reported within `battery_stale_s`."""
     return now_s - power.battery.reported_s <= context.limits.battery_stale_s

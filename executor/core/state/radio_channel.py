@@ -91,6 +91,8 @@ class ChannelState:
     stepped_s: float = float("-inf")
     raised_s: float = float("-inf")
     """When they were raised last."""
+    missions_s: float = float("-inf")
+    """When a mission of ours went over it last."""
     crowded_since_s: float | None = None
     """Since when it is congested and no mission of ours goes over it."""
     room_since_s: float | None = None

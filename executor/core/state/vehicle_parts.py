@@ -9,18 +9,7 @@ from enum import Enum
 from executor.core.battery.account import BatteryState, PercentRounding
 from executor.core.battery.pack_condition import PackState
 from executor.core.battery.voltage import VoltageState
-from executor.core.interface.messages import (
-    Attitude,
-    DoubleHeard,
-    Gps,
-    Heartbeat,
-    ModeChange,
-    OrderSeen,
-    OwnFailsafe,
-    StationActed,
-    StationHeard,
-    Wind,
-)
+from executor.core.interface import messages
 from executor.core.state.inspection_proof import InspectionRun, Track
 from executor.core.state.link_quality import DuplicateIdWatch, LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
@@ -219,7 +208,7 @@ class LinkState:
     excused_s: float = float("-inf")
     """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
     quality: LinkQuality = field(default_factory=LinkQuality)
-    strangers: frozenset[StationHeard | StationActed | DoubleHeard] = frozenset()
+    strangers: frozenset[messages.StationHeard | messages.StationActed | messages.DoubleHeard] = frozenset()
     """Other ground stations on its link, what is not passed on of theirs, and other vehicles with its number."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     """Whether its positions are those of one vehicle."""
@@ -229,7 +218,7 @@ class LinkState:
 class Telemetry:
     """What it said last of what it does."""
 
-    heartbeat: Heartbeat | None = None
+    heartbeat: messages.Heartbeat | None = None
     mode_since_s: float = 0.0
     mode_before_s: float | None = None
     """When a HEARTBEAT showed the mode before last: it changed between the two. None where there was no other."""
@@ -237,7 +226,7 @@ class Telemetry:
     """That mode."""
     critical_since_s: float | None = None
     """Since when its HEARTBEATs say that a failsafe is in force; None if they do not."""
-    doubted: tuple[Heartbeat, float] | None = None
+    doubted: tuple[messages.Heartbeat, float] | None = None
     """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
     item: tuple[int, int | None] | None = None
     """The mission item it flies to by its own report, and how many there are."""
@@ -253,11 +242,11 @@ class Telemetry:
 class Sensors:
     """What its sensors say of it and of what is around it."""
 
-    gps: Gps | None = None
+    gps: messages.Gps | None = None
     positioning: Positioning = field(default_factory=Positioning)
-    wind: Wind | None = None
+    wind: messages.Wind | None = None
     """As it measures it."""
-    attitude: Attitude | None = None
+    attitude: messages.Attitude | None = None
     tilted_since_s: float | None = None
     """Since when it lies or hangs as no multicopter flies."""
     fence_breached: bool = False
@@ -560,7 +549,7 @@ class SwitchMove:
 class ModeEvidence:
     """What was heard that may say who changed a mode, and what its autopilot says has failed."""
 
-    others_orders: tuple[tuple[OrderSeen, float], ...] = ()
+    others_orders: tuple[tuple[messages.OrderSeen, float], ...] = ()
     """What other stations ordered lately, or the vehicle accepted, and when."""
     channels_us: tuple[int, ...] = ()
     channels_s: float = LONG_AGO_S
@@ -571,13 +560,13 @@ class ModeEvidence:
     """Counted from 1, as its settings say; 0 if it has none."""
     throttle_lost_us: float | None = None
     """Below this the throttle's channel says that the receiver hears no transmitter, as its settings say."""
-    recorded: tuple[ModeChange | None, float] = (None, LONG_AGO_S)
+    recorded: tuple[messages.ModeChange | None, float] = (None, LONG_AGO_S)
     """The autopilot's own record of the last change of mode."""
     critical_s: float = LONG_AGO_S
     """When its HEARTBEAT became critical last."""
-    failed: tuple[tuple[OwnFailsafe, float], ...] = ()
+    failed: tuple[tuple[messages.OwnFailsafe, float], ...] = ()
     """What it says has failed, the last of each kind, and when."""
-    passed: tuple[tuple[OwnFailsafe, float, float], ...] = ()
+    passed: tuple[tuple[messages.OwnFailsafe, float, float], ...] = ()
     """What was over again, the last of each kind, when it was said, and when it was over."""
 
 

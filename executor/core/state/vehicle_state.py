@@ -12,24 +12,9 @@ from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.interface.codes import ReasonCode
 from executor.core.interface.messages import CRITICAL
 from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
+from executor.core.state import vehicle_parts
 from executor.core.state.inspection_proof import SLOWED_GAP_S, Track
 from executor.core.state.mission_ownership import MissionOwnership
-from executor.core.state.vehicle_parts import (
-    Assignment,
-    Custody,
-    LastKnown,
-    LinkState,
-    ModeEvidence,
-    MotionState,
-    OnboardMission,
-    Orders,
-    OwnMission,
-    PowerState,
-    Sensors,
-    SortieProgress,
-    Telemetry,
-    Turnaround,
-)
 from missions import FlightPath, Phase, Waypoint, encode, estimate
 from planner import segment_of
 
@@ -184,29 +169,29 @@ class VehicleState:
     fault: Fault | None = None
     watches: tuple[tuple[str, float], ...] = ()
     """Watchpoints that fail, and since when."""
-    link: LinkState = field(default_factory=LinkState)
-    telemetry: Telemetry = field(default_factory=Telemetry)
-    sensors: Sensors = field(default_factory=Sensors)
-    motion: MotionState = field(default_factory=MotionState)
-    power: PowerState = field(default_factory=PowerState)
-    assignment: Assignment = field(default_factory=Assignment)
-    orders: Orders = field(default_factory=Orders)
-    sortie: SortieProgress = field(default_factory=SortieProgress)
-    custody: Custody = field(default_factory=Custody)
-    evidence: ModeEvidence = field(default_factory=ModeEvidence)
+    link: vehicle_parts.LinkState = field(default_factory=vehicle_parts.LinkState)
+    telemetry: vehicle_parts.Telemetry = field(default_factory=vehicle_parts.Telemetry)
+    sensors: vehicle_parts.Sensors = field(default_factory=vehicle_parts.Sensors)
+    motion: vehicle_parts.MotionState = field(default_factory=vehicle_parts.MotionState)
+    power: vehicle_parts.PowerState = field(default_factory=vehicle_parts.PowerState)
+    assignment: vehicle_parts.Assignment = field(default_factory=vehicle_parts.Assignment)
+    orders: vehicle_parts.Orders = field(default_factory=vehicle_parts.Orders)
+    sortie: vehicle_parts.SortieProgress = field(default_factory=vehicle_parts.SortieProgress)
+    custody: vehicle_parts.Custody = field(default_factory=vehicle_parts.Custody)
+    evidence: vehicle_parts.ModeEvidence = field(default_factory=vehicle_parts.ModeEvidence)
     payload: PayloadState = NO_PAYLOAD
-    turn: Turnaround = field(default_factory=Turnaround)
-    own: OwnMission = field(default_factory=OwnMission)
+    turn: vehicle_parts.Turnaround = field(default_factory=vehicle_parts.Turnaround)
+    own: vehicle_parts.OwnMission = field(default_factory=vehicle_parts.OwnMission)
 
-    with_link = PartUpdate(LinkState)
-    with_telemetry = PartUpdate(Telemetry)
-    with_motion = PartUpdate(MotionState)
-    with_power = PartUpdate(PowerState)
-    with_assignment = PartUpdate(Assignment)
-    with_orders = PartUpdate(Orders)
-    with_sortie = PartUpdate(SortieProgress)
-    with_custody = PartUpdate(Custody)
-    with_turn = PartUpdate(Turnaround)
+    with_link = PartUpdate(vehicle_parts.LinkState)
+    with_telemetry = PartUpdate(vehicle_parts.Telemetry)
+    with_motion = PartUpdate(vehicle_parts.MotionState)
+    with_power = PartUpdate(vehicle_parts.PowerState)
+    with_assignment = PartUpdate(vehicle_parts.Assignment)
+    with_orders = PartUpdate(vehicle_parts.Orders)
+    with_sortie = PartUpdate(vehicle_parts.SortieProgress)
+    with_custody = PartUpdate(vehicle_parts.Custody)
+    with_turn = PartUpdate(vehicle_parts.Turnaround)
 
     @property
     def airborne(self) -> bool:
@@ -279,7 +264,7 @@ def suppose_lost(state: VehicleState, now_s: float) -> VehicleState:
     return replace(state, stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s, FaultCode.LINK_LOST))
 
 
-def last_known_of(vehicle: VehicleState, until_s: float = float("-inf")) -> LastKnown | None:
+def last_known_of(vehicle: VehicleState, until_s: float = float("-inf")) -> vehicle_parts.LastKnown | None:
     """Return where a vehicle on its mission was when it last said so; None for one that is not on it.
 
     Args:
@@ -291,12 +276,12 @@ def last_known_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Last
         return None
     waypoint = known.waypoint if known.fix_waypoint is None else known.fix_waypoint
     battery = vehicle.power.battery
-    return LastKnown(
+    return vehicle_parts.LastKnown(
         fix, waypoint, known.run, known.run_visit, battery.remaining_pct, until_s, account.consumption_factor(battery)
     )  # fmt: skip
 
 
-def apply_onboard_mission(vehicle: VehicleState, board: OnboardMission, now_s: float) -> VehicleState:
+def apply_onboard_mission(vehicle: VehicleState, board: vehicle_parts.OnboardMission, now_s: float) -> VehicleState:
     """Return a vehicle with another mission on board, known to be ours.
 
     What is flown of a visit that stands no longer in its place is over: an upload may take longer than was reckoned.
@@ -318,7 +303,7 @@ def apply_onboard_mission(vehicle: VehicleState, board: OnboardMission, now_s: f
 
 def build_onboard_mission(
     context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]
-) -> OnboardMission:
+) -> vehicle_parts.OnboardMission:
     """Return what a vehicle carries once `path` has been put on board and read back."""
     places = tuple(context.frame.to_local_m(waypoint.lat_deg, waypoint.lon_deg) for waypoint in path.waypoints)
     pylons = context.setup.looks.pylons
@@ -330,7 +315,7 @@ def build_onboard_mission(
     )
     encoded = encode(path, context.vehicles[name].dialect)
     legs = estimate(path, context.pricing.models[name]).legs
-    return OnboardMission(revision, path, encoded.waypoint_of, visits, tracks, places, legs)
+    return vehicle_parts.OnboardMission(revision, path, encoded.waypoint_of, visits, tracks, places, legs)
 
 
 def current_setup_of(context: Scene, vehicle: VehicleState) -> VehicleSetup:

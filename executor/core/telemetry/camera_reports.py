@@ -304,7 +304,6 @@ def _find_viewpoint(board: OnboardMission, visit: int, place_m: tuple[float, flo
 
 
 def _find_span_capture(board: OnboardMission, visit: int, camera: str) -> Capture | None:
-    """Return what a visit asks of a camera all along its span."""
     inspects = (point for point in board.path.waypoints if point.visit == visit and point.phase is Phase.INSPECT)
     return next((_capture_of(point.captures, camera) for point in inspects), None)
 
@@ -317,7 +316,6 @@ def _find_flaw(
     context: Context, message: PictureTaken, picture: Picture, seen: _VisitSite | None, capture: Capture | None, *,
     adrift: bool,
 ) -> str:  # fmt: skip
-    """Return why a picture does not count; nothing if it does."""
     if adrift:
         return inspection.TAKEN_WITHOUT_FIX
     if seen is None or capture is None:

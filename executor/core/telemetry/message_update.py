@@ -118,7 +118,6 @@ def apply_message(  # noqa: C901, PLR0912 - one case for each kind of message
 def _current_item(
     context: Scene, state: VehicleState, link: LinkState, message: messages.MissionCurrent, now_s: float
 ) -> VehicleState:
-    """Take the item that a vehicle flies to."""
     assignment = _apply_current_item(state, _apply_mission_report(context, state, message, now_s), message.seq)
     telemetry = replace(state.telemetry, item=(message.seq, message.total), item_s=now_s)
     after = replace(state, link=link, telemetry=telemetry, assignment=assignment)
@@ -182,7 +181,6 @@ def _apply_heartbeat(
 
 
 def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle that says that it is disarmed is seen to fly on."""
     fix, setup = state.motion.fix, context.vehicles.get(state.name)
     if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False

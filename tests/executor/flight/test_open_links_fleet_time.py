@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,7 +24,7 @@ from executor.runtime.procedures import wait_for
 from executor.simulated.simulated_fleet import build_demo_site, fleet_of
 from executor.site import site_model
 from executor.site.site_file import Site, check_site
-from simulator.fleet import run_fleet
+from simulator.testing import Fleet
 
 SPEEDUP = 20.0
 STALL_REAL_S = 0.4
@@ -54,26 +53,8 @@ def simulated(site: Site) -> Iterator[list[float]]:
     ground = site_model.load_site_model(site, Path())
     fleet = fleet_of(ground, speedup=site.flight.speedup, faults=(), seed=0, wind=1.0, failsafe=True)
     pauses: list[float] = []
-    over = threading.Event()
-
-    async def fly() -> None:
-        stop = asyncio.Event()
-
-        def watched(_: object) -> None:
-            if pauses:
-                time.sleep(pauses.pop())
-            if over.is_set():
-                stop.set()
-
-        await run_fleet(fleet, stop=stop, on_truth=lambda _: None, watched=watched)
-
-    thread = threading.Thread(target=asyncio.run, args=(fly(),))
-    thread.start()
-    try:
+    with Fleet(fleet, watch=lambda _: time.sleep(pauses.pop() if pauses else 0.0)):
         yield pauses
-    finally:
-        over.set()
-        thread.join()
 
 
 @dataclass

@@ -6,9 +6,11 @@ import json
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
+from cryptography.hazmat.primitives import serialization
 
 from executor.adapters.clock import SystemClock
 from executor.core.fleet_view import FleetView
@@ -76,6 +78,46 @@ def test_tls_has_a_port_of_its_own(tmp_path: Path) -> None:
     (tmp_path / "noise.pem").write_text("noise", encoding="utf-8")
     with pytest.raises(SiteError, match=r"^site.toml: mqtt.ca_file: expected a certificate"):
         settings(tmp_path, tls=True, ca_file="noise.pem")
+
+
+def test_a_websocket_has_the_ports_of_the_web() -> None:
+    asked: dict[str, Any] = {"host": "broker", "websocket_path": "/mqtt"}
+    tables: tuple[dict[str, Any], ...] = ({}, {"tls": True}, {"port": 8083})
+    assert [settings(**asked, **more).broker.port for more in tables] == [80, 443, 8083]
+    assert settings(**asked).broker.websocket_path == "/mqtt"
+    assert (settings(protocol="5").broker.protocol, settings().broker.protocol) == ("5", "3.1.1")
+
+
+def test_a_clients_certificate_and_what_is_none(tmp_path: Path) -> None:
+    secured = secured_in(tmp_path)
+    assert settings(tmp_path, tls=True, cert_file="client.pem").broker.tls is not None
+    assert settings(tmp_path, tls=True, cert_file="broker.pem", key_file="broker.key").broker.tls is not None
+    key = serialization.load_pem_private_key(secured.key.read_bytes(), None)
+    locked = serialization.BestAvailableEncryption(b"kites at noon")
+    pem = (serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8)
+    (tmp_path / "locked.key").write_bytes(key.private_bytes(*pem, locked))
+    asked: dict[str, Any] = {
+        "tls": True,
+        "cert_file": "broker.pem",
+        "key_file": "locked.key",
+        "key_password_env": "WORD",
+    }
+    assert settings(tmp_path, {"WORD": "kites at noon"}, **asked).broker.tls is not None
+    wrong: dict[str, dict[str, Any]] = {
+        "in none.pem: No such file": {"cert_file": "none.pem"},
+        "in broker.pem: ": {"cert_file": "broker.pem"},
+        "in broker.pem and none.key: No such file": {"cert_file": "broker.pem", "key_file": "none.key"},
+        "in client.pem and broker.key: KEY_VALUES_MISMATCH": {"cert_file": "client.pem", "key_file": "broker.key"},
+        "in broker.pem and locked.key: ": {"cert_file": "broker.pem", "key_file": "locked.key"},
+    }
+    for said, table in wrong.items():
+        line = f"site.toml: mqtt.cert_file: expected a certificate and its private key (PEM) {said}"
+        with pytest.raises(SiteError, match=f"^{re.escape(line)}[^\n]*$"):
+            settings(tmp_path, tls=True, **table)
+    with pytest.raises(SiteError, match=r"KEY_VALUES_MISMATCH|BAD_DECRYPT|locked\.key"):
+        settings(tmp_path, {"WORD": "guessed"}, **asked)
+    with pytest.raises(SiteError, match=r"^site.toml: mqtt.key_password_env: expected a value in .* WORD"):
+        settings(tmp_path, **asked)
 
 
 def test_a_secret_that_is_not_set() -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.radio import MemoryRadio, run_radios, share_port
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
@@ -34,6 +33,7 @@ from missions import dialect_for
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.fleet import SimulatedVehicle, build_vehicles
 from simulator.params import defaults_for
+from simulator.virtual_loop import run_virtual
 from tests.benchmarks.virtual.short_line import shared, short_ground
 
 MISSION_ITEM_INT = 73

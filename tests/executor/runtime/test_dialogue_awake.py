@@ -12,7 +12,6 @@ from itertools import pairwise
 
 import pytest
 
-from benchmarks.virtual.loop import VirtualLoop, run_virtual
 from executor.core import fleet_step
 from executor.core.interface.events import Tick
 from executor.core.interface.messages import Heartbeat, SendCommand
@@ -21,6 +20,7 @@ from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import BEAT_REAL_S, MOST_REAL_S, Lateness, awake, run_dialogue
 from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup
+from simulator.virtual_loop import VirtualLoop, run_virtual
 from tests.executor.core.stories import under_way
 from tests.fakes.clock import LoopClock
 from tests.fakes.link import Air, FakeLink

@@ -10,7 +10,6 @@ from itertools import pairwise
 
 import pytest
 
-from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.radio import JoinedRadio, run_radios
 from executor.adapters.clock import SystemClock
 from executor.core.interface.commands import Say
@@ -26,6 +25,7 @@ from simulator.config import AutopilotKind, SimFleet
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import build_vehicles
 from simulator.messages import MESSAGE_NAMES
+from simulator.virtual_loop import run_virtual
 from tests.conformance.ways import route
 from tests.simulator.harness import sim_vehicle
 

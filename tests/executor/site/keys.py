@@ -50,6 +50,7 @@ from missions import (
     write_plan,
 )
 from planner import Cost, PlannerError
+from tests.brokers import secured_in
 from tests.missions.readers.pictures import write_tiff
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 
@@ -95,9 +96,12 @@ class Loaded:
             mqtt = replace(mqtt, broker=broker)
         links = [(one.link, one.sysid, one.backend) for one in site.vehicle]
         waits = (flight.connect_timeout_s, flight.ready_timeout_s, flight.speedup, flight.solve_s)
-        ca_file = None if site.mqtt is None else site.mqtt.ca_file
+        certificates = None if site.mqtt is None else (
+            site.mqtt.ca_file, site.mqtt.key_password_env,
+            *(one and (self.folder / one).read_bytes() for one in (site.mqtt.cert_file, site.mqtt.key_file)),
+        )  # fmt: skip
         return as_text((
-            mqtt, ca_file, links, waits, read_signing_key(site, self.folder), site.link.senders, site.link.station,
+            mqtt, certificates, links, waits, read_signing_key(site, self.folder), site.link.senders, site.link.station,
             site.forward, site.web,
         ))  # fmt: skip
 
@@ -314,6 +318,7 @@ def write_files(folder: Path) -> None:
     write_raster(folder / "hills2.tif", HILLS, shift_m=2.0)
     write_tiff(folder / "ground.tif", LocalFrame(LAT_DEG, LON_DEG, 900.0), tags={"TIFFTAG_COPYRIGHT": "Land survey"})
     shutil.copy(certifi.where(), folder / "ca.pem")
+    secured_in(folder)
 
 
 PACK: Tables = {
@@ -455,8 +460,12 @@ KEYS: dict[str, tuple[Changes, object]] = {
     **_of_table("forward", (("forward", {"to": [STATION]}),), to=["tcpin://127.0.0.1:5761"], allow_orders=True),
     "forward.bytes_s": ((("forward", {"to": [STATION], "allow_orders": True}),), 100.0),
     **_of_table("mqtt", MQTT, host="localhost", port=1884, prefix="line", telemetry_rate_hz=2.0, tls=True,
+                protocol="5", websocket_path="/mqtt", clear_retained=True,
                 username_env="CREW", token_env="TOKEN", intent_max_age_s=5.0),  # noqa: S106 - a variable's name
     "mqtt.ca_file": ((("mqtt", {"tls": True}),), "ca.pem"),
+    "mqtt.cert_file": ((("mqtt", {"tls": True}),), "client.pem"),
+    "mqtt.key_file": ((("mqtt", {"tls": True, "cert_file": "client.pem"}),), "client.pem"),
+    "mqtt.key_password_env": ((("mqtt", {"tls": True, "cert_file": "client.pem"}),), "WORD"),
     "mqtt.password_env": ((("mqtt", {"username_env": "CREW"}),), "WORD"),
     **_of_table("web", (), enabled=False, host="127.0.0.2", port=8123, token_env="TOKEN", names=["laptop"],  # noqa: S106
                 address="http://127.0.0.1:8080/"),

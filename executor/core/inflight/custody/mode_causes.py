@@ -93,7 +93,6 @@ def _mode_delay_s(vehicle: VehicleState) -> float:
 
 
 def _match_record(known: ModeEvidence, at_s: float, mode: int) -> Attribution | None:
-    """Return what the autopilot's own record of a change of mode says."""
     recorded, recorded_s = known.recorded
     if recorded is None or recorded.custom_mode not in {None, mode} or abs(recorded_s - at_s) > RECORDED_S:
         return None
@@ -384,7 +383,6 @@ def _is_mission_end(context: Scene, before: VehicleState, vehicle: VehicleState,
 def _is_explained_by_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
-    """Return whether a failsafe explains a mode that a failsafe can lead to."""
     if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not _is_holding(context, vehicle):
         return False
     text, said_s = vehicle.telemetry.alarm

@@ -171,7 +171,6 @@ def _report_mode(scene: Scene, state: PassiveWatch, vehicle: VehicleState) -> St
 
 
 def _follow_stage(scene: Scene, before: VehicleState, vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle in the stage that its HEARTBEAT shows."""
     if vehicle.mode is None:
         return vehicle
     if before.armed and before.telemetry.mode_since_s != vehicle.telemetry.mode_since_s:

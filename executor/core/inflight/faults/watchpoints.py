@@ -39,17 +39,10 @@ from executor.core.inflight.faults.watch_view import (
 )
 from executor.core.interface.messages import Actor
 from executor.core.lines import battery, failsafe, height, landing, link, position, speed
-from executor.core.state import legs
+from executor.core.state import legs, vehicle_position
 from executor.core.state.mission_height import GROUND_ITEMS, find_mission_height, is_stopped_below_mission, item_of
 from executor.core.state.onboard_fence import describe_fence_departure
 from executor.core.state.vehicle_parts import ModeCause
-from executor.core.state.vehicle_position import (
-    describe_down_place,
-    has_fallen,
-    has_mission_ended,
-    is_dead_reckoning,
-    is_resting_place_known,
-)
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
 from executor.core.telemetry.battery_reports import pack_facts_of
 from missions import Phase
@@ -291,7 +284,7 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
         return STALE
     if view.setup.planned:
         lies = is_stopped_below_mission(view.context, view.setup, state)
-        return landing.STOPPED.format(down=describe_down_place(view.context, state)) if lies else OK
+        return landing.STOPPED.format(down=vehicle_position.describe_down_place(view.context, state)) if lies else OK
     if not is_in_mission_mode(view) or not state.sortie.took_off or _is_taking_off_or_landing(view):
         return OK
     if stood_s < LYING_S:
@@ -304,7 +297,6 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
 
 
 def _is_taking_off_or_landing(view: WatchView) -> bool:
-    """Return whether it takes off or lands as its mission has it."""
     leg, item = view.state.leg, item_of(view.state.own, view.state.own.leads_to)
     if leg is not None and leg.phase in {Phase.TAKEOFF, Phase.LAND}:
         return True
@@ -334,22 +326,24 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
     if not view.setup.planned:
         return _check_disarm_in_flight(view)
     away_m, says = view.setup.pad_distance_m(state.motion.fix.place_m), alarm_words(view)
-    if not is_resting_place_known(state, view.now_s):
+    if not vehicle_position.is_resting_place_known(state, view.now_s):
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
-    if is_dead_reckoning(state):
+    if vehicle_position.is_dead_reckoning(state):
         return landing.DISARMED_WITHOUT_GPS.format(says=says)
     if away_m > limits.off_pad_m:
         return landing.DISARMED_OFF_PAD.format(away_m=away_m, up_m=state.motion.fix.alt_rel_m, says=says)
     # An old position says nothing of its height: it may have come down since.
-    if has_fallen(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
+    if vehicle_position.has_fallen(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
         return landing.DISARMED_OVER_PAD.format(up_m=state.motion.fix.alt_rel_m, says=says)
     if not state.sortie.took_off and state.stage is Stage.FLYING:
         return landing.DISARMED_BEFORE_TAKEOFF.format(says=says)
     if state.sortie.rebooted_s is not None:
         return landing.DISARMED_BY_REBOOT.format(says=says)
-    return OK if has_mission_ended(view.context, state) else landing.DISARMED_IN_MISSION.format(says=says)
+    return (
+        OK if vehicle_position.has_mission_ended(view.context, state) else landing.DISARMED_IN_MISSION.format(says=says)
+    )
 
 
 def _check_disarm_in_flight(view: WatchView) -> Finding:

@@ -7,6 +7,7 @@ import ssl
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import aiomqtt
 import pytest
@@ -28,7 +29,7 @@ KINDS = [pytest.param("mosquitto", marks=pytest.mark.needs("mosquitto")), "amqtt
 class Station:
     """A client at work, and what it said and got."""
 
-    def __init__(self, broker: BrokerAddress) -> None:
+    def __init__(self, broker: BrokerAddress, *, clear: bool = False) -> None:
         self.said: list[str] = []
         self.got: asyncio.Queue[tuple[bytes, bool]] = asyncio.Queue()
         self.outbox = Outbox()
@@ -40,7 +41,7 @@ class Station:
         def presence(state: Presence) -> MqttMessage:
             return MqttMessage(THERE, state.value.encode(), retain=True)
 
-        self.client = MqttClient(broker, self.outbox, presence, "t/orders", take, self._say)
+        self.client = MqttClient(broker, self.outbox, presence, "t/orders", take, self._say, clear)
 
     def _say(self, level: Level, text: str) -> None:
         self.said.append(text)
@@ -54,8 +55,8 @@ class Station:
 
 
 @asynccontextmanager
-async def station(broker: BrokerAddress) -> AsyncIterator[Station]:
-    made = Station(broker)
+async def station(broker: BrokerAddress, *, clear: bool = False) -> AsyncIterator[Station]:
+    made = Station(broker, clear=clear)
     task = asyncio.create_task(made.client.run())
     try:
         yield made
@@ -189,6 +190,77 @@ async def test_a_password_and_tls(kind: str, tmp_path: Path) -> None:
             await here.has_said(1)
         assert "certificate verify failed" in here.said[0]
         assert PASSWORD not in repr(at(1, password=PASSWORD))
+
+
+@pytest.mark.needs("mosquitto")
+@pytest.mark.parametrize("protocol", ["3.1.1", "5"])
+@pytest.mark.parametrize("websocket", [False, True])
+async def test_every_protocol_with_and_without_a_websocket(protocol: str, websocket: bool, tmp_path: Path) -> None:
+    path = "/mqtt" if websocket else None
+    async with running("mosquitto", tmp_path / "broker", websocket=websocket) as broker:
+        transport: Any = {"transport": "websockets", "websocket_path": path} if websocket else {}
+        async with (
+            aiomqtt.Client("127.0.0.1", broker.port, **transport) as other,
+            station(at(broker.port, protocol=protocol, websocket_path=path)) as here,
+        ):
+            await here.has_said(1)
+            await other.subscribe("t/#", qos=1)
+            for number in range(30):
+                here.outbox.enqueue(MqttMessage("t/events", b"%d" % number))
+            here.outbox.put_latest(MqttMessage("t/plan", b"p" * 120_000, retain=True))
+            await other.publish("t/orders", b"hold", qos=1)
+            assert await here.got.get() == (b"hold", False)
+            got: dict[str, list[bytes]] = {}
+            async with asyncio.timeout(PATIENCE_S):
+                async for message in other.messages:
+                    assert isinstance(message.payload, bytes)
+                    got.setdefault(message.topic.value, []).append(message.payload)
+                    if len(got.get("t/events", ())) == 30 and "t/plan" in got:
+                        break
+            assert got["t/events"] == [b"%d" % number for number in range(30)]
+            assert got["t/plan"] == [b"p" * 120_000]
+    assert here.said == [f"mqtt: connected to 127.0.0.1:{broker.port}"]
+
+
+@pytest.mark.filterwarnings("ignore:Exception ignored in. <ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.needs("mosquitto")
+@pytest.mark.parametrize("protocol", ["3.1.1", "5"])
+async def test_a_broker_that_wants_the_clients_certificate(protocol: str, tmp_path: Path) -> None:
+    secured = secured_in(tmp_path)
+    known = ssl.create_default_context(cafile=str(secured.authority))
+    async with running("mosquitto", tmp_path / "broker", secured=secured, clients=True) as broker:
+        async with station(at(broker.port, tls=known, protocol=protocol)) as here:
+            await here.has_said(1)
+        assert here.said[0].startswith("mqtt: no connection to")
+        known.load_cert_chain(secured.client)
+        async with station(at(broker.port, tls=known, protocol=protocol)) as here:
+            await here.has_said(1)
+        assert here.said == [f"mqtt: connected to 127.0.0.1:{broker.port}"]
+
+
+async def held(port: int) -> set[str]:
+    """Return the topics of which the broker holds a message."""
+    async with aiomqtt.Client("127.0.0.1", port) as client:
+        await client.subscribe("t/#", qos=1)
+        await client.publish("t/end", b"", qos=1)
+        found = set[str]()
+        async for message in client.messages:
+            if message.topic.value == "t/end":
+                return found
+            if message.retain:
+                found.add(message.topic.value)
+    raise AssertionError("the broker went away")
+
+
+@pytest.mark.parametrize("clear", [False, True])
+async def test_what_the_broker_holds_is_forgotten_where_that_is_asked_for(clear: bool, tmp_path: Path) -> None:
+    async with running(KIND, tmp_path / "broker") as broker:
+        async with station(at(broker.port), clear=clear) as here:
+            await here.has_said(1)
+            for topic in ("t/state", "t/plan"):
+                here.outbox.put_latest(MqttMessage(topic, b"now", retain=True))
+            here.outbox.put_latest(MqttMessage("t/gone", b"", retain=True))
+        assert await held(broker.port) == ({THERE} if clear else {THERE, "t/state", "t/plan"})
 
 
 async def test_nobody_there_at_all_holds_nobody_up() -> None:

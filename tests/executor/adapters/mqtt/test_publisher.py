@@ -9,9 +9,10 @@ from typing import Any
 import jsonschema
 import pytest
 
+import faultline
 from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
 from executor.adapters.mqtt.intent_intake import IntakeReason, RefusedMessage
-from executor.adapters.mqtt.publisher import ASSETS_EVERY_S, AT_LEAST_EVERY_S, Publisher
+from executor.adapters.mqtt.publisher import ASSETS_EVERY_S, AT_LEAST_EVERY_S, Publisher, split_plan
 from executor.adapters.mqtt.topics import MqttTopics
 from executor.core.fleet_view import build_fleet_view
 from executor.core.imaging.asset_status import AssetState, AssetView
@@ -24,11 +25,13 @@ from tests.executor.core.stories import story, under_way
 from tests.executor.flights import first_plan_file
 from tests.fakes.flight import Story
 
+SITE = faultline.build_site(vehicles=3, radius_m=700)
 SCHEMA_OF = {
     "connection": "connection",
     "event": "event",
     "fault": "fault",
     "plan": "plan",
+    "plan-part": "plan-part",
     "ack": "acknowledgement",
     "assets": "assets",
     "telemetry": "telemetry",
@@ -58,6 +61,8 @@ def content(letter: MqttMessage) -> dict[str, Any]:
     """Return a message that keeps to its schema."""
     read: dict[str, Any] = json.loads(letter.payload)
     last = letter.topic.rsplit("/", 1)[-1]
+    if last.isdecimal():
+        last = "plan-part"
     name = SCHEMA_OF.get(last) or ("fleet-state" if "/fleet/" in letter.topic else "vehicle-state")
     validator(name).validate(read)
     return read
@@ -83,7 +88,7 @@ def test_states_are_retained_and_published_on_change() -> None:
         for what, how in (("state", True), ("telemetry", False))
     }
     [state] = on(first, "vehicle/uav1/state")
-    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.7.0")
+    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.8.0")
     assert state["timestamp"] == "2026-09-21T14:13:21.000Z"
     assert state["vehicle"]["state"] == "flying"
     assert {letter.topic.rsplit("/", 1)[-1] for letter in desk.look()} == {"telemetry"}
@@ -176,4 +181,58 @@ def test_lines_and_plans() -> None:
     letters = desk.written()
     assert [(one["level"], one["at_s"]) for one in on(letters, "fleet/event")] == [("fault", 12.5), ("info", 13.0)]
     [plan] = on(letters, "fleet/plan")
+    assert plan["parts"] == 1
     assert plan["plan"] == json.loads(json.dumps(document))
+
+
+def large(segments: int) -> dict[str, Any]:
+    """Return a plan of a priced network with so many segments."""
+    document: dict[str, Any] = json.loads(
+        json.dumps(build_plan_document(faultline.plan(SITE, iterations=500, starts=1)))
+    )
+    rows = range(segments)
+    for holder, key in ((document, "segments"), (document["model"], "tracks_m")):
+        known = holder[key]
+        holder[key] = [known[number % len(known)] for number in rows]
+    document["segments"] = [{**one, "id": number} for number, one in enumerate(document["segments"])]
+    return document
+
+
+def joined(first: dict[str, Any], parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the plan of its parts, as docs/mqtt.md says."""
+    plan: dict[str, Any] = first["plan"]
+    for part in parts:
+        plan["segments"] += part["segments"]
+        plan["model"]["tracks_m"] += part["tracks_m"]
+    return plan
+
+
+def test_a_large_plan_comes_in_parts_that_clouds_take_and_old_parts_are_forgotten() -> None:
+    desk = Desk(story())
+    document = large(600)
+    desk.publisher.publish_plan(3, document)
+    letters = desk.written()
+    assert all(len(one.payload) < 128_000 and one.retain for one in letters)
+    [first] = on(letters, "fleet/plan")
+    parts = [on(letters, f"fleet/plan/{number}")[0] for number in range(2, first["parts"] + 1)]
+    assert len(letters) == first["parts"] == 3
+    assert [(one["revision"], one["part"], one["parts"]) for one in parts] == [(3, 2, 3), (3, 3, 3)]
+    assert first["plan"]["segments"]
+    assert joined(first, parts) == document
+    desk.publisher.publish_plan(4, large(300))
+    letters = desk.written()
+    assert {one.topic.rpartition("/v1/")[2]: len(one.payload) > 0 for one in letters} == {
+        "fleet/plan": True, "fleet/plan/2": True, "fleet/plan/3": False,
+    }  # fmt: skip
+    assert desk.outbox.list_retained() == ("site/north/v1/fleet/plan", "site/north/v1/fleet/plan/2")
+
+
+@pytest.mark.parametrize("most_bytes", [1, 3000, 10**6])
+def test_a_plan_is_the_same_however_it_is_split(most_bytes: int) -> None:
+    document = json.loads(json.dumps(build_plan_document(first_plan_file())))  # of the paper's model: without tracks
+    plan, *more = split_plan(document, most_bytes)
+    assert len(more) == {1: 5, 3000: 1, 10**6: 0}[most_bytes]
+    for part in more:
+        plan["segments"] += part["segments"]
+        assert part["tracks_m"] == []
+    assert plan == document

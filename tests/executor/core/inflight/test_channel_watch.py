@@ -158,8 +158,30 @@ def test_a_mission_under_way_is_no_reason_to_thin_and_comes_first() -> None:
         return one.with_assignment(pending=one.assignment.board)
 
     told, state = fly([(60, 1900.0, 90)], change=loads)
-    assert asked(told) == []
+    assert told == []
     assert state.channels["uav1"].step == 0
+
+
+def test_missions_that_have_just_gone_over_a_radio_are_no_congestion() -> None:
+    def loads(one: Any) -> Any:
+        return one.with_assignment(pending=one.assignment.board)
+
+    def loaded(one: Any) -> Any:
+        return one.with_assignment(pending=None)
+
+    _, state = fly([(20, 1900.0, 90)], change=loads)
+    told, state = fly([(14, 1900.0, 90), (20, 500.0, 90)], state, change=loaded)
+    assert told == [], "they are counted for some seconds more"
+    told, _ = fly([(30, 1900.0, 90)], state)
+    assert "congested" in lines(told)[0][1]
+
+
+def test_the_uploads_before_take_off_are_no_congestion() -> None:
+    both = flying(), vehicle(FLEET, "uav2", stage=Stage.FLYING, fix=at(), heard_s=NOW_S)
+    told, _ = fly([(14, 1900.0, 90), (20, 500.0, 90)], flight_of(*both, launched_s=NOW_S))
+    assert told == []
+    told, _ = fly([(30, 1900.0, 90)], flight_of(*both, launched_s=NOW_S))
+    assert lines(told)[0][0] == 21.0
 
 
 def test_a_vehicle_that_its_pilot_has_is_not_asked() -> None:

@@ -1,7 +1,7 @@
 """An event loop whose time jumps to the next deadline, so that an hour of flight takes what its work takes.
 
-Nothing but asyncio's public classes is used, and every flight is the same to the last digit. The time of looptime, in
-which many tests run, counts empty turns and rounds; flights without any socket have no need of that.
+Nothing but asyncio's public classes is used, and without sockets every flight is the same to the last digit. The time
+of looptime, in which many tests run, counts empty turns and rounds; flights have no need of that.
 """
 
 from __future__ import annotations
@@ -32,17 +32,19 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Waits for a file only when nothing is due ever; otherwise it lets the time pass until then."""
+    """Waits for a file only when nothing is due ever; otherwise it looks, and where there is nothing time passes."""
 
     def __init__(self, passes: Callable[[float], None]) -> None:
         super().__init__()
         self._passes = passes
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        if timeout is not None and timeout > 0.0:
+        if timeout is None or timeout <= 0.0:
+            ready: list[tuple[selectors.SelectorKey, int]] = super().select(timeout)
+            return ready
+        # What somebody in this process has sent to a socket of it is there already.
+        if not (ready := super().select(0.0)):
             self._passes(timeout)
-            timeout = 0.0
-        ready: list[tuple[selectors.SelectorKey, int]] = super().select(timeout)
         return ready
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from benchmarks.virtual.loop import VirtualLoop, run_virtual
+from simulator.virtual_loop import VirtualLoop, run_virtual
 
 
 def test_hours_pass_at_once_and_in_order() -> None:

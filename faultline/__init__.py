@@ -1,0 +1,168 @@
+# Part of faultline.
+"""Plan a fleet's inspection, ask how early a vehicle may be lost, re-plan a loss, check a plan, read a flown run.
+
+What stands in ``faultline.__all__`` is stable: it changes its meaning only with the major version. The packages below
+(planner, missions, executor) may change with any version.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as _version_of
+from pathlib import Path
+from typing import Any
+
+from faultline_start import find_stranger
+
+if _wrong := find_stranger():
+    raise ImportError(f"faultline: {_wrong}")
+
+from executor.adapters.run_directory import RunDirectory
+from executor.analysis.documents import FlightReport, read_report
+from executor.analysis.flight_record import FlightRecord
+from executor.analysis.flight_record import read_run as _read_record
+from executor.errors import ExecutorError
+from executor.simulated.simulated_fleet import LISTENING, USUAL_RADIUS_M, build_demo_site
+from executor.site.site_file import check_site, read_site
+from executor.site.site_model import load_site_model
+from executor.site.site_planning import DEFAULT, plan_site, preview_loss
+from missions import MissionsError, PlanFile, check_plan, read_plan, write_plan
+from planner import (
+    PRESETS,
+    Cost,
+    Instance,
+    Iterations,
+    PlannerError,
+    ReplanWindow,
+    Result,
+    Seconds,
+    Vehicle,
+    build_instance,
+    replan_window,
+    solve,
+    travel_for,
+)
+
+__all__ = [
+    "ERRORS", "PRESETS", "Cost", "FlightRecord", "FlightReport", "Instance", "Iterations", "PlanFile", "ReplanWindow",
+    "Result", "Run", "Seconds", "Vehicle", "__version__", "build_instance", "build_site", "check", "plan", "read_plan",
+    "read_run", "replan", "replan_window", "solve", "travel_for", "window", "write_plan",
+]  # fmt: skip
+
+try:
+    __version__ = _version_of("faultline")
+except PackageNotFoundError:  # a source tree that nobody installed
+    __version__ = "0"
+
+ERRORS = (ExecutorError, MissionsError, PlannerError)
+"""What bad input raises, to be caught together; the text is one line."""
+
+
+def build_site(
+    network: Path | str | None = None, *, vehicles: int = 3, radius_m: float = USUAL_RADIUS_M, autopilot: str = "px4"
+) -> dict[str, Any]:
+    """Return the tables of a site that is planned for and not flown; change them as you like before `plan`.
+
+    Args:
+        network: The power line: GeoJSON or a graph file, by default faultline's own network.
+        vehicles: How many, named uav1, uav2 and so on.
+        radius_m: Only segments whose pylons are both nearer to the depot than this.
+        autopilot: `px4` or `ardupilot`: how the vehicles take corners and climb.
+    """
+    return build_demo_site(
+        network=None if network is None else Path(network), radius_m=radius_m, vehicles=vehicles, speedup=1.0,
+        autopilot=autopilot, ports=LISTENING[:vehicles],
+    )  # fmt: skip
+
+
+def plan(
+    site: Path | str | Mapping[str, Any], *, cost: Cost | None = None, seconds: float = DEFAULT.seconds,
+    seed: int = DEFAULT.seed, iterations: int | None = None, starts: int = 0,
+) -> PlanFile:  # fmt: skip
+    """Plan a site's inspection, as `faultline plan` does.
+
+    Args:
+        site: A site file, or its tables; paths in tables are relative to the working directory.
+        cost: What is optimised; by default the re-plan window, or MinMax where it takes too long.
+        seconds: How long is searched at most.
+        seed: Of all randomness.
+        iterations: Of each search; with as many `starts` every computer then finds the same plan.
+        starts: Searches side by side, 0 for one per processor.
+
+    Raises:
+        ERRORS: The site cannot be used: one line that names the file, the key and what was expected.
+    """
+    if isinstance(site, Mapping):
+        tables, base = check_site(dict(site), "site"), Path()
+    else:
+        tables, base = read_site(Path(site)), Path(site).parent
+    wanted = replace(
+        DEFAULT, cost=cost, usual=cost is None, seconds=seconds, seed=seed, iterations=iterations, starts=starts
+    )
+    return plan_site(load_site_model(tables, base), wanted)
+
+
+def check(plan: PlanFile) -> list[str]:
+    """Recompute every figure of a plan from its own network; return the wrong ones in words, none if all is well.
+
+    Raises:
+        ERRORS: Its vehicles or coordinates make no planning problem at all.
+    """
+    return check_plan(plan)
+
+
+def window(plan: PlanFile, *, seed: int = 0) -> ReplanWindow:
+    """Compute from when on the fleet can absorb the loss of any one vehicle of a plan.
+
+    Raises:
+        ERRORS: The plan has one vehicle only.
+    """
+    return replan_window(plan.build_instance(), plan.plan, seed=seed, fly_again=plan.fly_again)
+
+
+def replan(
+    plan: PlanFile, lost: str, at_s: float, *, cost: Cost = Cost.MINMAX, seconds: float = 2.0, seed: int = 1
+) -> tuple[PlanFile, bool]:
+    """Re-plan what is open once a vehicle is lost; return the plan, and whether it inspects everything within budget.
+
+    Args:
+        plan: As it is flown until then.
+        lost: Name of the vehicle.
+        at_s: When it is lost, in seconds from the start of the plan.
+        cost: What is optimised.
+        seconds: How long is searched at most.
+        seed: Of all randomness.
+
+    Raises:
+        ERRORS: The plan has no such vehicle, or nobody is left.
+    """
+    return preview_loss(plan, lost, at_s, cost=cost, seconds=seconds, seed=seed)
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A flight that is over, as its run directory tells."""
+
+    path: Path
+    """The run directory."""
+    report: FlightReport
+    """What the flight came to: report.json as a model."""
+    record: FlightRecord
+    """Tracks, batteries, segments, plans and decisions; times in seconds since the launch."""
+    plans: tuple[PlanFile, ...]
+    """The first plan, then one for each re-plan."""
+
+
+def read_run(path: Path | str) -> Run:
+    """Read the run directory of a flight that is over.
+
+    Raises:
+        ERRORS: There is no report yet, or a file cannot be used: one line that names the file.
+    """
+    run = RunDirectory(Path(path))
+    report = read_report(run.path)
+    numbers = (0, *(row.revision for row in report.replans))
+    plans = tuple(read_plan(run.plan_path(number)) for number in numbers)
+    return Run(run.path, report, _read_record(run.path), plans)
