@@ -11,7 +11,7 @@ from enum import Enum
 
 import faultline
 from executor.adapters.run_directory import Document
-from scripts.pages.schemas import docstrings
+from executor.site.site_schema import read_docstrings
 
 PAGE = "reference/library.md"
 HEAD = """\
@@ -84,7 +84,7 @@ def _class(name: str, kind: type) -> Iterator[str]:
         return
     bases = [one for one in reversed(kind.__mro__) if is_dataclass(one) or issubclass(one, Document)]
     modules = {sys.modules[one.__module__] for one in bases}
-    words = {(one, key): text for module in modules for one, key, text in docstrings(module)}
+    words = {(one, key): text for module in modules for one, key, text in read_docstrings(module)}
     rows = {}
     for base in bases:
         for key, held in base.__annotations__.items():
