@@ -12,7 +12,7 @@ import { say } from "./plan-texts.js";
 
 let fields = 0;
 /** Keys that name a file: one can be sent to stand beside the site file. */
-const FILES = new Set(["file", "files", "background", "packs", "key_file", "ca_file"]);
+const FILES = new Set(["file", "files", "background", "packs", "key_file", "ca_file", "cert_file"]);
 
 /** @param {Path} path @param {Path} start */
 export const startsWith = (path, start) => start.every((one, index) => path[index] === one);

@@ -137,18 +137,47 @@ export class Result {
     const key = JSON.stringify([plans, chosen]);
     if (key === this.shownChoices) return;
     this.shownChoices = key;
-    const cards = plans.map((one) => this.card(one, one.id === chosen));
+    const isNew = (/** @type {PlanSummary} */ one) => !one.stale || one.id === chosen;
+    const fresh = plans.filter(isNew);
+    const earlier = plans.filter((one) => !isNew(one));
+    /** @type {HTMLElement[]} */
+    const parts = fresh.length ? [this.cards(fresh, chosen)] : [element("p", say("plan.none"), "soft")];
+    if (fresh.filter((one) => one.window_pct !== null).length > 1) {
+      const figureOf = element("figure", "", "front");
+      figureOf.append(drawFront(fresh, chosen, (id) => this.choose(id), (one) => this.describe(one)), element("figcaption", say("front.axes")));
+      parts.push(figureOf);
+    }
+    if (earlier.length) {
+      const more = element("details", "", "more");
+      more.append(element("summary", count("plan.earlier", earlier.length)), this.cards(earlier, chosen));
+      parts.push(more);
+    }
+    this.choices.replaceChildren(...parts);
+  }
+
+  /**
+   * @param {PlanSummary[]} plans
+   * @param {string | null} chosen
+   */
+  cards(plans, chosen) {
     const list = element("div", "", "cards");
     list.setAttribute("role", "radiogroup");
     list.setAttribute("aria-label", say("plan.choose"));
+    const cards = plans.map((one) => this.card(one, one.id === chosen));
+    // One of them is in the row of Tab; arrows lead to the others.
+    const held = Math.max(0, plans.findIndex((one) => one.id === chosen));
+    cards.forEach((card, index) => {
+      card.tabIndex = index === held ? 0 : -1;
+    });
+    list.addEventListener("keydown", (event) => {
+      const step = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1 }[event.key];
+      const here = cards.findIndex((card) => card.matches(":focus"));
+      if (!step || here < 0) return;
+      event.preventDefault();
+      cards[(here + step + cards.length) % cards.length].focus();
+    });
     list.append(...cards);
-    const several = plans.filter((one) => one.window_pct !== null).length > 1;
-    const figureOf = element("figure", "", "front");
-    if (several) {
-      figureOf.append(drawFront(plans, chosen, (id) => this.choose(id), (one) => this.describe(one)),
-        element("figcaption", say("front.axes")));
-    }
-    this.choices.replaceChildren(...(plans.length ? [list] : [element("p", say("plan.none"), "soft")]), ...(several ? [figureOf] : []));
+    return list;
   }
 
   /**
@@ -233,6 +262,7 @@ export class Result {
     this.notice.hidden = !loss && !draft;
     if (draft) this.showDraft();
     else if (loss) this.showLoss();
+    if (draft || loss) this.notice.scrollIntoView({ block: "nearest" });
   }
 
   showDraft() {

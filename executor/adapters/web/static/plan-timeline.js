@@ -243,12 +243,13 @@ export class Timeline {
     this.place.dataset.view = this.view;
     if (!shown || this.view === "routes") return;
     if (this.view === "battery") {
-      this.charts.replaceChildren(this.frame("", drawBatteries(this.store.vehicles, hueOf, [this.store.beginS, this.store.endS], vehicle, say("times.battery")), true));
+      this.charts.replaceChildren(this.frame("", drawBatteries(this.store.vehicles, hueOf, [this.store.beginS, this.store.endS], vehicle, say("times.battery"))));
     } else {
-      const wanted = shown.vehicles.filter((one) => (vehicle === null || one.name === vehicle) && one.profile.length > 1);
+      const { vehicles, beginS, endS } = this.store;
+      const wanted = vehicles.filter((one) => (vehicle === null || one.name === vehicle) && one.routes.length);
       this.charts.replaceChildren(...wanted.map((one) => {
-        const colour = hueOf(shown.vehicles.indexOf(one));
-        return this.frame(one.name, drawProfile(one, colour, say("profile.of", { vehicle: one.name })), false);
+        const drawn = drawProfile(one, hueOf(vehicles.indexOf(one)), [beginS, endS], say("profile.of", { vehicle: one.name }));
+        return this.frame(one.name, drawn);
       }));
     }
     this.showTime();
@@ -257,9 +258,8 @@ export class Timeline {
   /**
    * @param {string} who
    * @param {{ svg: Element, labels: { share: number, text: string }[] }} drawn
-   * @param {boolean} isTimed
    */
-  frame(who, { svg, labels }, isTimed) {
+  frame(who, { svg, labels }) {
     const frame = element("figure", "", "frame");
     const scale = element("div", "", "heights");
     scale.append(...labels.map(({ share, text }) => {
@@ -268,8 +268,7 @@ export class Timeline {
       return label;
     }));
     const track = element("div", "", "track");
-    track.append(svg);
-    if (isTimed) track.append(element("i", "", "now"));
+    track.append(svg, element("i", "", "now"));
     frame.append(scale, track);
     if (who) frame.append(element("figcaption", who));
     return frame;
