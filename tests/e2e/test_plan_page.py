@@ -116,6 +116,31 @@ async def test_an_area_and_a_pad_are_put_on_the_map_and_their_corners_are_moved(
         assert (values["vehicle"][0]["pad"], values["area"][0]["max_agl_m"]) == ("pad1", 60)
 
 
+async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    async with planning(tmp_path, site) as (page, server):
+        press = page.keyboard.press
+        await press("?")
+        await expect(page.locator("#help")).to_be_visible()
+        await press("Escape")
+        await expect(page.locator("#help")).to_be_hidden()
+        await press("a")
+        for key in ("Enter", *["ArrowRight"] * 3, "Enter", *["ArrowDown"] * 3, "Enter", "Enter"):
+            await press(key)
+        await expect(page.locator("#guide")).to_be_hidden()
+        await press("/")
+        await page.keyboard.type("V102.1")
+        await press("Enter")
+        await press("Escape")
+        await press("k")
+        await page.keyboard.type("uav2")
+        await press("Enter")
+        await expect(page.locator("#legend-locked")).to_be_visible()
+        values = server.checked()["values"]
+        assert values["lock"] == [{"segments": ["V102.1"], "vehicle": "uav2"}]
+        assert len(values["area"][0]["polygon"]) == 3
+
+
 async def test_a_second_tab_is_told_and_both_edits_are_kept(tmp_path: Path) -> None:
     site = make_demo_site(tmp_path)
     async with planning(tmp_path, site) as (page, server):

@@ -65,10 +65,11 @@ export function vehiclesStep(store) {
     for (const way of ways) {
       const heard = await store.ask(() => server.tryConnection(way, vehicle.sysid, vehicle.autopilot));
       isHeard = isHeard && (heard?.answers ?? false);
-      if (heard) words.push(ways.length > 1 ? `${way}: ${heard.words}` : heard.words);
+      const said = heard?.words ?? store.refusal;
+      words.push(ways.length > 1 ? `${way}: ${said}` : said);
     }
     write(answer, words.join("; "));
-    if (words.length) answer.classList.add(isHeard ? "is-good" : "is-bad");
+    answer.classList.add(isHeard ? "is-good" : "is-bad");
   }
 
   return {

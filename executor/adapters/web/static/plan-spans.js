@@ -1,6 +1,7 @@
 // Which segments are flown: chosen by click, box, lasso, name or distance, then left out, taken in, locked.
 import { element, write } from "./elements.js";
 import { button, Field, TableList } from "./plan-forms.js";
+import { hueOf } from "./map.js";
 import { schemaAt } from "./plan-schema.js";
 import { count, figure, say } from "./plan-texts.js";
 
@@ -143,6 +144,18 @@ export class SpanActions {
    */
   writeLocks(locks, label) {
     return this.store.edit([locks.length ? { op: "set", path: ["lock"], value: locks } : { op: "unset", path: ["lock"] }], label);
+  }
+
+  /** The colours of those whom segments are locked to. */
+  listLocks() {
+    /** @type {Map<number, string>} */
+    const found = new Map();
+    if (!this.store.values.lock) return found;
+    for (const one of this.store.network?.segments ?? []) {
+      const vehicle = this.store.names.indexOf(this.lockOf(one.name)?.vehicle);
+      if (vehicle >= 0) found.set(one.id, hueOf(vehicle));
+    }
+    return found;
   }
 
   /** @param {string} name */

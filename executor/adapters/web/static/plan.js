@@ -21,9 +21,12 @@ const SLIDE_S = 10;
 /** @param {Schema} schema */
 function start(schema) {
   const store = new Store(schema);
-  const map = new PlanMap(store, { area: (ring) => addArea(store, ring), chosen: (path) => steps.goTo(path), cancel: () => cancel(store, map) });
-  const dropping = new Dropping(store);
   const actions = new SpanActions(store);
+  const map = new PlanMap(store, {
+    area: (ring) => addArea(store, ring), chosen: (path) => steps.goTo(path), cancel: () => cancel(store, map),
+    locks: () => actions.listLocks(),
+  });
+  const dropping = new Dropping(store);
   /** @type {Steps} */
   const steps = new Steps(store, byId("steps"), [
     networkStep(store, dropping), spansStep(store, actions), placesStep(store, map), areasStep(store, map, () => map.use("area")),
@@ -55,6 +58,10 @@ function start(schema) {
   listenToButtons(store, steps);
   listenToKeys(store, { map, steps, result, actions });
   listen((news) => store.news(news), (isHeard) => store.heard(isHeard));
+  // Who comes back from the page of a flight sees what it came to.
+  addEventListener("pageshow", (event) => {
+    if (event.persisted) location.reload();
+  });
   addEventListener("beforeunload", (event) => {
     if (store.waiting.length) event.preventDefault();
   });
