@@ -179,7 +179,7 @@ async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_i
     with opened(tmp_path, site, port=port) as server:
         await expect(page.locator("#banner")).to_be_hidden()
         await in_file(page, site, "height_m = 21")
-        assert server.checked()["undo"] == "set Height"
+        assert server.checked()["undo"] == "set Inspection height"
         await browser.__aexit__(None, None, None)
 
 

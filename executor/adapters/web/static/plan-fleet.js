@@ -4,7 +4,7 @@ import { server } from "./plan-api.js";
 import { button, TableForm, TableList } from "./plan-forms.js";
 import { hueOf } from "./map.js";
 import { freeName } from "./plan-places.js";
-import { labelOf, resolve, schemaAt } from "./plan-schema.js";
+import { labelOf, meaningOf, resolve, schemaAt } from "./plan-schema.js";
 import { count, say } from "./plan-texts.js";
 
 /** @import { Json, LatLon } from "../plan.js" */
@@ -190,7 +190,7 @@ export function otherStep(store) {
     const head = element("summary");
     const state = element("span", "", "status");
     head.append(element("b", labelOf([name])), state);
-    box.append(head, element("p", schema.description ?? "", "soft"), form.element);
+    box.append(head, element("p", meaningOf([name], schema), "soft"), form.element);
     box.addEventListener("toggle", () => {
       if (box.open) form.show();
     });
