@@ -71,7 +71,7 @@ async def by_hand(page: Page, hand: Hand) -> None:
     await planned(page, hand)
     await hand.click(".routes .who >> nth=0")
     await hand.click(".visits li .pick >> nth=1")
-    await hand.choose('[data-act="span.give"]', "uav3")
+    await hand.give("span.give", "uav3")
     await expect(page.locator("#plans .answer")).to_be_visible()
 
 

@@ -132,9 +132,8 @@ async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(tmp_path: Pa
         await page.keyboard.type("V102.1")
         await press("Enter")
         await press("Escape")
-        await press("k")
-        await page.keyboard.type("uav2")
-        await press("Enter")
+        for key in ("k", "Tab", "Enter"):
+            await press(key)
         await expect(page.locator("#legend-locked")).to_be_visible()
         values = server.checked()["values"]
         assert values["lock"] == [{"segments": ["V102.1"], "vehicle": "uav2"}]

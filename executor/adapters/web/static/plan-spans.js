@@ -273,6 +273,12 @@ export class SelectionBar {
     this.what = element("b");
     this.buttons = element("div", "", "actions");
     place.append(this.what, this.buttons);
+    place.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || !this.buttons.querySelector(".vehicle")) return;
+      event.preventDefault();
+      this.shown = "";
+      this.show();
+    });
     this.shown = "";
     store.on(["selection", "network", "plan", "draft", "workspace"], () => this.show());
   }
@@ -305,10 +311,10 @@ export class SelectionBar {
     if (chosen.some((one) => !one.left_out)) act("span.leave-out", () => this.actions.leaveOut(), "O");
     if (chosen.some((one) => one.left_out)) act("span.take-in", () => this.actions.takeIn(), "");
     act("span.only", () => this.actions.only(), "");
-    made.push(this.makeChoice("span.lock", names, (vehicle) => this.actions.lock(vehicle)));
+    made.push(this.makeChoice("span.lock", names, (vehicle) => this.actions.lock(vehicle), "K"));
     if (chosen.some((one) => this.actions.lockOf(one.name))) act("span.unlock", () => this.actions.unlock(), "");
     if (this.store.shown) {
-      made.push(this.makeChoice("span.give", [...names, NOBODY], (vehicle) => this.by.give(vehicle === NOBODY ? "" : vehicle)));
+      made.push(this.makeChoice("span.give", [...names, NOBODY], (vehicle) => this.by.give(vehicle === NOBODY ? "" : vehicle), "G"));
       act("span.turn", () => this.by.turn(), "T");
     }
     act("span.clear", () => this.store.select([]), "Esc", "plain");
@@ -316,25 +322,41 @@ export class SelectionBar {
   }
 
   /**
-   * A menu of vehicles.
+   * A button that asks for a vehicle.
    * @param {string} key
    * @param {string[]} names
    * @param {(vehicle: string) => void} chosen
    */
-  makeChoice(key, names, chosen) {
-    const made = element("select");
+  makeChoice(key, names, chosen, stroke = "") {
+    const made = button(say(key), () => this.askVehicle(key, names, chosen));
     made.dataset.act = key;
-    made.setAttribute("aria-label", say(key));
-    for (const one of ["", ...names]) {
-      const option = element("option", one === NOBODY ? say("span.nobody") : one || say(key));
-      option.value = one;
-      made.append(option);
-    }
-    made.addEventListener("change", () => {
-      const name = made.value;
-      made.value = "";
-      if (name) chosen(name);
-    });
+    made.append(" ", element("kbd", stroke));
     return made;
+  }
+
+  /**
+   * Shows the vehicles instead of what can be done, until one is chosen.
+   * @param {string} key
+   * @param {string[]} names
+   * @param {(vehicle: string) => void} chosen
+   */
+  askVehicle(key, names, chosen) {
+    const done = () => {
+      this.shown = "";
+      this.show();
+    };
+    const vehicles = names.map((name, index) => {
+      const one = button(name === NOBODY ? say("span.nobody") : name, () => {
+        done();
+        chosen(name);
+      }, "vehicle");
+      one.dataset.vehicle = name;
+      if (name !== NOBODY) one.style.setProperty("--hue", hueOf(index));
+      return one;
+    });
+    const back = button(say("cancel"), done, "plain");
+    back.append(" ", element("kbd", "Esc"));
+    this.buttons.replaceChildren(element("span", say(key)), ...vehicles, back);
+    vehicles[0]?.focus();
   }
 }

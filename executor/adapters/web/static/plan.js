@@ -166,7 +166,7 @@ function listenToKeys(store, { map, steps, result, actions }) {
     }, x: () => result.lose(),
     o: () => { if (store.selection.size) actions.leaveOut(); },
     t: () => { if (store.selection.size && store.shown) result.turn(); },
-    k: () => focusOn("span.lock"), g: () => focusOn("span.give"),
+    k: () => press("span.lock"), g: () => press("span.give"),
     ",": () => store.goTo(store.timeS - SLIDE_S), ".": () => store.goTo(store.timeS + SLIDE_S), 0: () => map.fit(),
     m: () => byId("layer").click(),
     "?": () => byId("help", HTMLDialogElement).showModal(),
@@ -194,6 +194,12 @@ function listenToKeys(store, { map, steps, result, actions }) {
       return;
     }
     if (isTyping || !store.workspace?.site) return;
+    const offered = byId("selected").querySelectorAll(".vehicle");
+    const meant = /^[1-9]$/.test(event.key) ? offered[Number(event.key) - 1] : undefined;
+    if (meant instanceof HTMLElement) {
+      meant.click();
+      return;
+    }
     if (/^[1-9]$/.test(event.key)) {
       const vehicle = store.shown?.vehicles[Number(event.key) - 1];
       if (vehicle) store.chooseVehicle(vehicle.name);
@@ -207,9 +213,9 @@ function listenToKeys(store, { map, steps, result, actions }) {
 }
 
 /** @param {string} key */
-function focusOn(key) {
+function press(key) {
   const place = byId("selected").querySelector(`[data-act="${CSS.escape(key)}"]`);
-  if (place instanceof HTMLElement) place.focus();
+  if (place instanceof HTMLElement) place.click();
 }
 
 let timer = 0;
