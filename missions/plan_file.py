@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
+from missions import plan_parts
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
@@ -26,22 +27,6 @@ from missions.inspection_defaults import Inspection
 from missions.network import Network, Pylon, Segment
 from missions.no_fly_areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.pads import Pad
-from missions.plan_parts import (
-    DEPOT,
-    WINDOW_COST,
-    BasePlace,
-    DayCost,
-    DayVehicle,
-    PlanCost,
-    PlanFence,
-    PlanRoute,
-    PlanSegment,
-    PlanTerrain,
-    PlanVehicle,
-    PlanVisit,
-    SolverRecord,
-    Window,
-)
 from missions.pricing import DEPOT_M, Pricing, Task, build_priced_instance, price_fleet
 from missions.setup import FlightSetup, plan_flight_setup
 from missions.terrain import Terrain
@@ -57,17 +42,9 @@ from planner import (
     evaluate,
     is_reversed,
     segment_of,
+    sorties,
 )
 from planner.model import renumber_visits
-from planner.sorties import (
-    LossWindow,
-    Objective,
-    SortieBase,
-    SortieEvaluation,
-    SortieInstance,
-    SortieVehicle,
-    count_packs_needed,
-)
 
 FORMAT: Final = "faultline-plan/2"
 
@@ -82,10 +59,10 @@ class PlanContent:
     format: Literal["faultline-plan/2"]
     frame: Annotated[LocalFrame, Field(alias="depot")]
     """WGS 84; the local metres of this file begin there."""
-    bases: Annotated[tuple[BasePlace, ...], Field(min_length=1)]
+    bases: Annotated[tuple[plan_parts.BasePlace, ...], Field(min_length=1)]
     """Where vehicles take off and land; the depot alone in a single flight."""
-    vehicles: Annotated[tuple[PlanVehicle, ...], Field(min_length=1)]
-    routes: tuple[PlanRoute, ...]
+    vehicles: Annotated[tuple[plan_parts.PlanVehicle, ...], Field(min_length=1)]
+    routes: tuple[plan_parts.PlanRoute, ...]
     """Of a single flight one for each vehicle, in their order; of days each vehicle's sorties in the order of time."""
     uncovered: tuple[Id, ...]
     """Ids of the segments that nobody flies."""
@@ -98,11 +75,11 @@ class PlanContent:
     pricing: Annotated[Pricing | None, Field(alias="model")]
     unreachable: Annotated[tuple[Unreachable, ...], Field(exclude_if=not_)] = ()
     """What was asked for and is not planned, because it lies in an area or behind one."""
-    terrain: PlanTerrain | None = None
+    terrain: plan_parts.PlanTerrain | None = None
     """The ground that it was made over, where a raster knows it."""
     cameras: Annotated[tuple[Printable, ...], Field(exclude_if=not_)] = ()
     """Names of the cameras that its missions trigger or point; how is said by its site."""
-    segments: tuple[PlanSegment, ...]
+    segments: tuple[plan_parts.PlanSegment, ...]
     source: Annotated[SkipJsonSchema[Any], Field(exclude=True)] = field(default="plan", compare=False)
     """Where it was read, for messages; no part of the file."""
 
@@ -117,9 +94,9 @@ class PlanContent:
         return tuple(vehicle.name for vehicle in self.vehicles)
 
     @property
-    def solved(self) -> SolverRecord:
+    def solved(self) -> plan_parts.SolverRecord:
         """How the plan came about."""
-        return SolverRecord(self.solver, self.seed, self.seconds)
+        return plan_parts.SolverRecord(self.solver, self.seed, self.seconds)
 
     @cached_property
     def plan(self) -> Plan:
@@ -140,13 +117,13 @@ class PlanContent:
 
     def build_routes(
         self, plan: Plan, durations_s: Sequence[float], energies_pct: Sequence[float]
-    ) -> tuple[PlanRoute, ...]:
+    ) -> tuple[plan_parts.PlanRoute, ...]:
         """Return a plan's routes as the file has them, with the figures of each."""
         return tuple(
-            PlanRoute(
+            plan_parts.PlanRoute(
                 vehicle=self.names[route.vehicle],
                 visits=tuple(
-                    PlanVisit(
+                    plan_parts.PlanVisit(
                         segment=self.segments[segment_of(visit)].id, reversed=is_reversed(visit),
                         inspected_at_m=self.inspection_height_m(route.vehicle, segment_of(visit)),
                     )
@@ -162,7 +139,7 @@ class PlanContent:
         """Return how high a vehicle inspects the segment at a position, where that is known beforehand."""
         return None
 
-    def visits_of(self, route: PlanRoute) -> tuple[int, ...]:
+    def visits_of(self, route: plan_parts.PlanRoute) -> tuple[int, ...]:
         """Return a route's visits, over positions in ``segments``."""
         return renumber_visits(route.network_visits, self.positions)
 
@@ -172,8 +149,8 @@ class PlanFile(PlanContent):
     """A plan, with all that is needed to check and to fly it."""
 
     travel: Travel
-    cost: PlanCost
-    window: Window | None = None
+    cost: plan_parts.PlanCost
+    window: plan_parts.Window | None = None
     inspection: Inspection | None = None
     """Without it the plan can be checked, but not flown."""
     pricing: Annotated[Pricing | None, Field(alias="model")] = field(default=None, compare=False)
@@ -181,7 +158,7 @@ class PlanFile(PlanContent):
     paper has it. Segments are named by their positions in `segments`."""
     fly_again: Flag = True
     """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
-    fence: PlanFence | None = None
+    fence: plan_parts.PlanFence | None = None
     """What vehicles are given as fences; without it none."""
 
     @property
@@ -285,24 +262,24 @@ class DayPlanFile(PlanContent):
     """Least time between two take-offs from a base."""
     transfers_s: tuple[tuple[From0 | None, ...], ...]
     """To drive a vehicle from base to base; null where it is not done."""
-    vehicles: Annotated[tuple[DayVehicle, ...], Field(min_length=1)]
-    cost: DayCost
+    vehicles: Annotated[tuple[plan_parts.DayVehicle, ...], Field(min_length=1)]
+    cost: plan_parts.DayCost
     finish_s: Figure
     """When the last sortie lands, in seconds from the first midnight."""
     flight_s: Figure
     """The time in the air of all sorties."""
     pricing: Annotated[Pricing, Field(alias="model")] = field(compare=False)
     """From which times and energies follow."""
-    windows: tuple[LossWindow, ...] = ()
+    windows: tuple[sorties.LossWindow, ...] = ()
     """Until when each vehicle must not be lost, where that was looked at."""
     part_of: Text | None = None
     """Names the plan that this is what was left of one day of."""
 
-    def routes_of(self, vehicle: str) -> tuple[PlanRoute, ...]:
+    def routes_of(self, vehicle: str) -> tuple[plan_parts.PlanRoute, ...]:
         """Return a vehicle's sorties in the order of time."""
         return tuple(route for route in self.routes if route.vehicle == vehicle)
 
-    def routes_on(self, day: int) -> tuple[PlanRoute, ...]:
+    def routes_on(self, day: int) -> tuple[plan_parts.PlanRoute, ...]:
         """Return all sorties of a day, counted from 0."""
         begin_s, end_s = self.days[day]
         return tuple(route for route in self.routes if begin_s <= route.start_s < end_s)
@@ -339,7 +316,7 @@ class DayPlanFile(PlanContent):
         """The number of its first day among the days of the whole plan, from 1."""
         return int(self.days[0][0] // 86_400.0) + 1
 
-    def with_plan(self, plan: Plan, found: SortieEvaluation, objective: Objective) -> DayPlanFile:
+    def with_plan(self, plan: Plan, found: sorties.SortieEvaluation, objective: sorties.Objective) -> DayPlanFile:
         """Return these days with another plan, what it comes to and what it was chosen by."""
         ends_s = [end_s for _, end_s in self.days[:-1]]
         return replace(
@@ -349,12 +326,12 @@ class DayPlanFile(PlanContent):
                 for route in self.build_routes(plan, found.durations_s, found.energies_pct)
             ),
             uncovered=tuple(self.segments[number].id for number in plan.uncovered),
-            cost=DayCost(objective.value, found.value_of(objective)),
+            cost=plan_parts.DayCost(objective.value, found.value_of(objective)),
             finish_s=found.finish_s,
             flight_s=found.flight_s,
         )
 
-    def build_instance(self) -> SortieInstance:
+    def build_instance(self) -> sorties.SortieInstance:
         """Return the planning problem over positions in ``segments``; moves are priced when they are asked for.
 
         Raises:
@@ -373,13 +350,13 @@ class DayPlanFile(PlanContent):
                 out[:, row, place] = factors * flown.price_out(profile, pad)
                 home[:, row, :, place] = factors * flown.price_home(profile, pad)
         try:
-            return SortieInstance(
+            return sorties.SortieInstance(
                 moves=flown,
                 bases=tuple(
-                    SortieBase(one.name, one.turnaround_s, one.packs, one.recharge_s) for one in self.bases
+                    sorties.SortieBase(one.name, one.turnaround_s, one.packs, one.recharge_s) for one in self.bases
                 ),
                 vehicles=tuple(
-                    SortieVehicle(
+                    sorties.SortieVehicle(
                         own.name, base(own.base), own.budget_pct, own.hours, tuple(map(base, own.lands)), profile,
                         own.consumption, ready_s=self.days[0][0],
                     )
@@ -400,7 +377,7 @@ class DayPlanFile(PlanContent):
 
     def count_packs(self) -> tuple[int, ...]:
         """Return the packs that each base needs, as ``count_packs_needed`` has it."""
-        return count_packs_needed(self.build_instance(), self.plan.routes)
+        return sorties.count_packs_needed(self.build_instance(), self.plan.routes)
 
 
 def make_plan_file(
@@ -408,8 +385,8 @@ def make_plan_file(
     task: Task,
     travel: Travel,
     plan: Plan,
-    chosen_by: Cost | Window,
-    solved: SolverRecord,
+    chosen_by: Cost | plan_parts.Window,
+    solved: plan_parts.SolverRecord,
     *,
     inspection: Inspection | None = None,
     says_distances: bool = True,
@@ -430,8 +407,8 @@ def make_plan_file(
     Raises:
         planner.PlanError: the plan does not belong to the task.
     """
-    window = chosen_by if isinstance(chosen_by, Window) else None
-    evaluation = evaluate(task.instance, plan, Cost.MINMAX if isinstance(chosen_by, Window) else chosen_by)
+    window = chosen_by if isinstance(chosen_by, plan_parts.Window) else None
+    evaluation = evaluate(task.instance, plan, Cost.MINMAX if isinstance(chosen_by, plan_parts.Window) else chosen_by)
     if inspection is not None and network.flat:
         # The file must say so itself: nothing else is asked when it is exported.
         inspection = replace(inspection, flat=True)
@@ -439,8 +416,8 @@ def make_plan_file(
     content = PlanFile(
         format=FORMAT,
         frame=frame,
-        bases=(BasePlace(DEPOT, frame.lat_deg, frame.lon_deg, frame.alt_m),),
-        vehicles=tuple(PlanVehicle(**asdict(vehicle)) for vehicle in task.instance.vehicles),
+        bases=(plan_parts.BasePlace(plan_parts.DEPOT, frame.lat_deg, frame.lon_deg, frame.alt_m),),
+        vehicles=tuple(plan_parts.PlanVehicle(**asdict(vehicle)) for vehicle in task.instance.vehicles),
         routes=(),
         uncovered=tuple(task.segment_ids[number] for number in plan.uncovered),
         **asdict(solved),
@@ -448,8 +425,8 @@ def make_plan_file(
         unreachable=task.unreachable,
         segments=tuple(build_plan_segment(network, segment) for segment in task.segment_ids),
         travel=travel,
-        cost=PlanCost(WINDOW_COST, chosen_by.earliest_s) if isinstance(chosen_by, Window)
-        else PlanCost(chosen_by.value, evaluation.value),
+        cost=plan_parts.PlanCost(chosen_by.value, evaluation.value) if isinstance(chosen_by, Cost)
+        else plan_parts.PlanCost(plan_parts.WINDOW_COST, chosen_by.earliest_s),
         window=window,
         inspection=inspection,
     )  # fmt: skip
@@ -478,12 +455,12 @@ def setup_of_plan(
     return replace(setup, areas=content.areas, kept_out=kept_out) if content.areas else setup
 
 
-def build_plan_segment(network: Network, number: int) -> PlanSegment:
+def build_plan_segment(network: Network, number: int) -> plan_parts.PlanSegment:
     """Return a segment as plan files keep it."""
     segment = network.segments[number]
     a, b = network.pylons[segment.a], network.pylons[segment.b]
     a_m, b_m = network.ends_m[number].tolist()
-    return PlanSegment(
+    return plan_parts.PlanSegment(
         id=number,
         a_enu_m=(*a_m, _up_m(network.frame, a)),
         b_enu_m=(*b_m, _up_m(network.frame, b)),

@@ -19,6 +19,7 @@ from typing import Annotated, TypeVar
 import numpy as np
 from pydantic import Field
 
+import planner
 from missions.detours import DetourObstacles
 from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m, find_vertical_legs
 from missions.geo import BoolArray, FloatArray, IntArray
@@ -26,15 +27,6 @@ from missions.no_fly_areas import AreaRestriction, Unreachable
 from missions.shortest_ways import Obstacle, build_obstacle
 from missions.surface import FEW_PIECES, Relief
 from missions.validation import Figure, Flag, From0, IdSet, NameSet, Pair, Place, array_of
-from planner import (
-    Instance,
-    Moves,
-    MoveTables,
-    Plan,
-    Route,
-    Vehicle,
-    Visits,
-)
 from planner.model import BARRED_PCT, TABLES_UP_TO, renumber_visits, visit_of
 
 T = TypeVar("T")
@@ -61,7 +53,7 @@ class VehicleMoves:
     layered: frozenset[int]
     """Segments that it inspects in its layer all the same."""
 
-    def find_low_visits(self, visits: Visits) -> BoolArray:
+    def find_low_visits(self, visits: planner.Visits) -> BoolArray:
         """Return which visits it comes down to."""
         if not self.step_m:
             return NEVER
@@ -249,7 +241,7 @@ class Pricing:
 
 
 @dataclass(frozen=True, slots=True)
-class PricedMoves(Moves):
+class PricedMoves(planner.Moves):
     """Moves of the vehicles' own flight models: the same for a flight and for a day of sorties.
 
     What moves from a start, or from a base, take is (2, 2n) float64, seconds and energies of a consumption of 1.
@@ -274,7 +266,7 @@ class PricedMoves(Moves):
         """Number of visits."""
         return len(self.first_m)
 
-    def select_visits(self, visits: Sequence[int]) -> MoveTables:
+    def select_visits(self, visits: Sequence[int]) -> planner.MoveTables:
         """Return the moves between some of the visits, as tables."""
         which = list(visits)
         first_m, last_m, besides = self.first_m[which], self.last_m[which], self.besides[..., which]
@@ -284,7 +276,7 @@ class PricedMoves(Moves):
         """Return moves that take more energy."""
         return replace(self, besides=np.stack((self.besides[0], self.besides[1] + more_pct)))
 
-    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+    def compute(self, profile: int, before: planner.Visits, after: planner.Visits) -> tuple[FloatArray, FloatArray]:
         """Return the seconds and the energy of moves."""
         facing_m, flier = self.last_m[before] - self.first_m[before], self.fliers[profile]
         seconds, pct = flier.price_moves(
@@ -325,7 +317,7 @@ def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> tuple[PricedMoves,
     return PricedMoves(first_m, last_m, profiles, besides), tuple(map(profiles.index, fliers))
 
 
-def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Instance:
+def build_priced_instance(pricing: Pricing, vehicles: Sequence[planner.Vehicle]) -> planner.Instance:
     """Return the planning problem of one flight over all segments of a pricing.
 
     A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``, turned
@@ -342,7 +334,7 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
     # Who comes down from a layer of its own has moves of its own, and so has who alone is given something.
     tables = flown.profiles if pricing.steps_m or pricing.locked else 1
     small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= TABLES_UP_TO**2
-    moves: Moves = flown.tabulate() if small else flown
+    moves: planner.Moves = flown.tabulate() if small else flown
     start, again, home = (np.zeros((2, len(vehicles), flown.visits)) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
     for row, (vehicle, profile) in enumerate(zip(vehicles, profiles, strict=True)):
@@ -357,7 +349,7 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
             start[:, row] = flown.price_from(profile, here_m, facing_m, here_low)
             idle[:, row] = flown.fliers[profile].price_ways_home(here_m, facing_m, base, here_low)
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
-    return Instance(
+    return planner.Instance(
         vehicles=tuple(vehicles),
         profile=profiles,
         moves=moves,
@@ -381,7 +373,7 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
 class Task:
     """A planning problem over some of a network's segments."""
 
-    instance: Instance
+    instance: planner.Instance
     segment_ids: tuple[int, ...]
     """The network's segment for each of the instance's."""
     pricing: Pricing | None = None
@@ -402,13 +394,13 @@ class Task:
         reduced = {segment: index for index, segment in enumerate(self.segment_ids)}
         return renumber_visits(visits, reduced)
 
-    def plan_to_network(self, plan: Plan) -> Plan:
+    def plan_to_network(self, plan: planner.Plan) -> planner.Plan:
         """Return a plan of the instance with the network's segments."""
-        routes = tuple(Route(route.vehicle, self.to_network(route.visits)) for route in plan.routes)
-        return Plan(routes, tuple(self.segment_ids[segment] for segment in plan.uncovered))
+        routes = tuple(planner.Route(route.vehicle, self.to_network(route.visits)) for route in plan.routes)
+        return planner.Plan(routes, tuple(self.segment_ids[segment] for segment in plan.uncovered))
 
 
-def build_open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence[Vehicle]) -> Task:
+def build_open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence[planner.Vehicle]) -> Task:
     """Return the problem of inspecting what is still open, from wherever the vehicles are.
 
     Args:
