@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Page, expect
+from playwright.async_api import Page, Route, expect
 
 from tests.e2e.gallery import browsing
 from tests.e2e.plan_pages import PATIENCE_MS, SIZES, Hand, look_at, planning, ready, write_kml
@@ -180,6 +180,20 @@ async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_i
         await in_file(page, site, "height_m = 21")
         assert server.checked()["undo"] == "set Inspection height"
         await browser.__aexit__(None, None, None)
+
+
+async def test_a_site_that_cannot_be_saved_is_said_at_the_top(tmp_path: Path) -> None:
+    async def answer_full(route: Route) -> None:
+        answer = await route.fetch()
+        full = {"saved": False, "save_error": "site.toml: No space left on device"}
+        await route.fulfill(response=answer, json=await answer.json() | full)
+
+    async with planning(tmp_path, make_demo_site(tmp_path)) as (page, _):
+        await page.route("**/api/edits", answer_full)
+        await Hand(page).open("inspection")
+        await Hand(page).type('[data-path="inspection.height_m"] input', "19")
+        await expect(page.locator("#banner")).to_contain_text("Not saved: site.toml: No space left on device")
+        await expect(page.locator("#saved")).to_have_text("not saved")
 
 
 async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:
