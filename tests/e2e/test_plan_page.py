@@ -189,7 +189,7 @@ async def test_a_site_that_cannot_be_saved_is_said_at_the_top(tmp_path: Path) ->
         await route.fulfill(response=answer, json=await answer.json() | full)
 
     async with planning(tmp_path, make_demo_site(tmp_path)) as (page, _):
-        await page.route("**/api/edits", answer_full)
+        await page.route(re.compile("/api/(edits|workspace)$"), answer_full)
         await Hand(page).open("inspection")
         await Hand(page).type('[data-path="inspection.height_m"] input', "19")
         await expect(page.locator("#banner")).to_contain_text("Not saved: site.toml: No space left on device")
