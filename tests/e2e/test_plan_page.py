@@ -89,6 +89,11 @@ async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_k
         await expect(page.locator("#selected b")).to_have_text(boxed)
         await page.keyboard.press("Escape")
         await expect(page.locator("#selected")).to_be_hidden()
+        await page.locator("#step-spans label", has_text="Within").locator("input").fill("2000")
+        await page.keyboard.press("Enter")
+        await hand.map(0.5, 0.5)
+        await expect(page.locator("#selected b")).to_have_text(re.compile("^27 segments"))
+        await page.keyboard.press("Escape")
         await expect(page.locator('[data-tool="pick"]')).to_have_attribute("aria-pressed", "true")
 
 

@@ -2,10 +2,12 @@
 import { element, write } from "./elements.js";
 import { button, Field, TableList } from "./plan-forms.js";
 import { hueOf } from "./map.js";
-import { schemaAt } from "./plan-schema.js";
+import { parseNumber, schemaAt } from "./plan-schema.js";
 import { count, figure, say } from "./plan-texts.js";
+import { apartM } from "./plan-track.js";
 
 /** @import { Edit, Json, Segment } from "../plan.js" */
+/** @import { PlanMap } from "./plan-map.js" */
 /** @import { Step } from "./plan-steps.js" */
 /** @import { Store } from "./plan-store.js" */
 
@@ -166,11 +168,39 @@ export class SpanActions {
 }
 
 /**
+ * Chooses the segments that lie within a distance of a place on the map.
+ * @param {Store} store
+ * @param {PlanMap} map
+ */
+function makeAround(store, map) {
+  const line = element("form", "", "search");
+  const distance = element("input");
+  distance.type = "text";
+  distance.inputMode = "decimal";
+  distance.value = "200";
+  distance.setAttribute("aria-label", say("spans.within"));
+  const label = element("label", say("spans.within"), "soft");
+  label.append(" ", distance, " m");
+  line.append(label, element("button", say("spans.around")));
+  line.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const radius = parseNumber(distance.value);
+    if (typeof radius !== "number") return;
+    map.askPlace(say("guide.around"), (place) => {
+      const found = (store.network?.segments ?? []).filter((one) => apartM(one.a, place) <= radius && apartM(one.b, place) <= radius);
+      store.select(found.map((one) => one.id), "add");
+    });
+  });
+  return line;
+}
+
+/**
  * @param {Store} store
  * @param {SpanActions} actions
+ * @param {PlanMap} map
  * @returns {Step}
  */
-export function spansStep(store, actions) {
+export function spansStep(store, actions, map) {
   const keys = schemaAt(store.schema, ["network"]).properties ?? {};
   const radius = new Field(store, ["network", "radius_m"], keys.radius_m ?? {});
   const lists = ["leave_out", "only"].filter((key) => keys[key]).map((key) => new Field(store, ["network", key], keys[key]));
@@ -244,7 +274,7 @@ export function spansStep(store, actions) {
       line.append(search, takes);
       const more = element("details", "", "more");
       more.append(element("summary", say("spans.named")), ...lists.map((one) => one.element));
-      place.append(element("p", say("spans.how"), "soft"), line, list, note, radius.element, locks.element, more);
+      place.append(element("p", say("spans.how"), "soft"), line, list, note, makeAround(store, map), radius.element, locks.element, more);
     },
     show: () => {
       radius.show();

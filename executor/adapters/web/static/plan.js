@@ -29,7 +29,7 @@ function start(schema) {
   const dropping = new Dropping(store);
   /** @type {Steps} */
   const steps = new Steps(store, byId("steps"), [
-    networkStep(store, dropping), spansStep(store, actions), placesStep(store, map), areasStep(store, map, () => map.use("area")),
+    networkStep(store, dropping), spansStep(store, actions, map), placesStep(store, map), areasStep(store, map, () => map.use("area")),
     vehiclesStep(store), inspectionStep(store), dayStep(store, map), otherStep(store),
   ], remediesOf(store));
   const result = new Result(store, byId("plans"));
