@@ -15,6 +15,12 @@ const SECONDS = [2, 5, 20, 60, 300];
 const COSTS = ["", "minmax", "minsum", "mincomb"];
 
 /**
+ * Seconds from a midnight as a time of the day.
+ * @param {number} seconds
+ */
+const timeOfDay = (seconds) => [3600, 60].map((unit) => String(Math.floor((seconds % (unit === 60 ? 3600 : 86400)) / unit)).padStart(2, "0")).join(":");
+
+/**
  * A menu of texts, by what they stand for.
  * @param {string} name
  * @param {[string, string][]} entries
@@ -195,7 +201,7 @@ export class Result {
     };
     card.append(
       row("fact.longest", clock(one.longest_s)),
-      row("fact.window", one.window_pct === null ? "–" : `${figure(one.window_pct)} %`),
+      one.kind === "day" ? row("fact.finish", timeOfDay(one.finish_s ?? 0)) : row("fact.window", one.window_pct === null ? "–" : `${figure(one.window_pct)} %`),
       row("fact.left", String(one.uncovered), one.uncovered ? "is-bad" : ""),
     );
     if (one.stale) card.append(element("em", say("plan.old")));
@@ -211,8 +217,8 @@ export class Result {
 
   /** The vehicle at fault is taken out of the plan, and what the others would fly then is shown. */
   async lose() {
-    const { plan, vehicle, timeS } = this.store;
-    if (!plan || !vehicle) return;
+    const { plan, vehicle, timeS, isDay } = this.store;
+    if (!plan || !vehicle || isDay) return;
     const began = performance.now();
     const answer = await this.store.ask(() => server.lose(plan.summary.id, vehicle, timeS));
     if (!answer) return;
@@ -372,7 +378,7 @@ export class Result {
     cell.colSpan = 4;
     const list = element("ol");
     for (const route of vehicle.routes) {
-      if (vehicle.routes.length > 1) list.append(element("li", say("route.sortie", { number: route.sortie + 1, time: clock(route.start_s % 86400) }), "sortie"));
+      if (vehicle.routes.length > 1) list.append(element("li", say("route.sortie", { number: route.sortie + 1, time: timeOfDay(route.start_s) }), "sortie"));
       route.visits.forEach((visit, index) => {
         list.append(this.visit(visit, index, route.visits.length, vehicle));
       });

@@ -7,7 +7,7 @@ import { hueOf } from "./map.js";
 import { figure, say } from "./plan-texts.js";
 import { clock } from "./words.js";
 
-/** @import { PlannedVehicle } from "../plan.js" */
+/** @import { DayWindow, PlannedVehicle } from "../plan.js" */
 /** @import { Store } from "./plan-store.js" */
 
 const STEPS = 2000;
@@ -35,7 +35,9 @@ export class Timeline {
     }
     this.lost = button("", asked.lose, "danger");
     this.lost.id = "lose";
-    head.append(this.time, this.tabs, this.lost);
+    // Of a day no loss is thought through here: its plan says from when on one may be lost.
+    this.safe = element("span", "", "safe-from");
+    head.append(this.time, this.tabs, this.safe, this.lost);
     this.slider = element("input");
     this.slider.type = "range";
     this.slider.id = "slider";
@@ -170,7 +172,7 @@ export class Timeline {
     const safe = this.store.shown?.windows?.find((one) => one.vehicle === vehicle.name);
     if (safe) {
       const piece = this.piece(safe.from_s, this.store.endS, "safe");
-      piece.title = say("window.day", { vehicle: vehicle.name, time: this.wordOf(safe.from_s) });
+      piece.title = this.describeSafe(safe);
       track.append(piece);
     }
     if (loss?.vehicle === vehicle.name) track.append(this.piece(loss.at_s, this.store.endS, "lost"));
@@ -178,6 +180,11 @@ export class Timeline {
     track.addEventListener("pointerdown", (event) => this.jump(event, track, vehicle.name));
     row.append(who, track, element("span", "", "where"));
     return row;
+  }
+
+  /** @param {DayWindow} safe */
+  describeSafe({ vehicle, from_s: fromS }) {
+    return fromS <= this.store.beginS ? say("window.day-always", { vehicle }) : say("window.day", { vehicle, time: this.wordOf(fromS) });
   }
 
   /**
@@ -199,6 +206,10 @@ export class Timeline {
       row.classList.toggle("chosen", isChosen);
       row.querySelector(".who")?.setAttribute("aria-pressed", String(isChosen));
     }
+    const { isDay, shown } = this.store;
+    this.lost.hidden = isDay;
+    const safe = shown?.windows?.find((one) => one.vehicle === vehicle);
+    write(this.safe, safe ? this.describeSafe(safe) : "");
     this.lost.disabled = vehicle === null;
     const words = vehicle === null ? say("lose.who") : say("lose.here", { vehicle });
     if (this.lost.dataset.shown !== words) {
