@@ -207,7 +207,9 @@ async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_
         assert server.get("/api/workspace")["plans"][-1]["kind"] == "day"
         await expect(page.locator(".card")).to_contain_text(re.compile(r"Last landing\s*0[89]:\d\d"))
         await hand.click("#times .row .who >> nth=0")
-        await expect(page.locator("#times .safe-from")).to_have_text(re.compile(r"uav1 may be lost (at any time|from 0[89]:\d\d on)"))
+        await expect(page.locator("#times .safe-from")).to_have_text(
+            re.compile(r"uav1 may be lost (at any time|from 0[89]:\d\d on)")
+        )
         await expect(page.locator("#lose")).to_be_hidden()
 
 
