@@ -198,6 +198,14 @@ class PlanOptions:
     seconds: SecondsOption = DEFAULT.seconds
     seed: SeedOption = DEFAULT.seed
     starts: StartsOption = 0
+    iterations: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="End the search after N iterations, within --seconds: the same plan on a busy computer.",
+        ),
+    ] = None
 
     def build_request(self) -> PlanRequest:
         """Return what is asked for.
@@ -208,6 +216,7 @@ class PlanOptions:
         return replace(
             build_plan_request(self.cost), seconds=self.seconds, seed=self.seed, solver=self.solver,
             all_vehicles=self.all_vehicles, stretch=self.stretch / 100, starts=self.starts,
+            iterations=self.iterations,
         )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from executor.plan_page import site_files
 from executor.plan_page.server import PlanServer
 from executor.plan_page.site_store import SiteStore
 from executor.site.mqtt_and_web_keys import WebTable
+from executor.supervised import InternalErrorReporter
 from missions import format_first_error
 
 USUAL_SITE = "site.toml"
@@ -53,7 +54,12 @@ def open_page(
     if file is None and Path(USUAL_SITE).is_file():
         site = Path(USUAL_SITE)
     root = Path() if site is None or site.absolute().is_relative_to(Path.cwd()) else site.parent
-    with PlanServer(table, token, root, None if site is None else SiteStore(site), _report_error) as server:
+    mistakes = InternalErrorReporter(_report_error, lambda _: None)
+
+    def report(what: str, error: BaseException) -> None:
+        mistakes(None, {"message": what, "exception": error, "said": False})
+
+    with PlanServer(table, token, root, None if site is None else SiteStore(site), report) as server:
         query = "" if token is None else f"?token={token}"
         print(f"page: {server.address}" + ("" if token is None else f"?token=${token_env}"), flush=True)
         if not no_browser:
@@ -77,5 +83,5 @@ def _find_site(file: Path) -> Path:
     return site
 
 
-def _report_error(what: str, error: BaseException) -> None:
-    print(f"faultline: internal error in {what}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+def _report_error(line: str) -> None:
+    print(f"faultline: {line}", file=sys.stderr, flush=True)

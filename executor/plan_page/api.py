@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, Query, Request
@@ -194,7 +195,7 @@ def _add_questions(api: FastAPI, workspace: Workspace) -> None:
     @api.get("/api/schema")
     async def get_schema() -> Response:
         """Return the JSON schema of the site file; keys have `description`, `default` and `unit`."""
-        return JsonBytes(json_text(build_site_schema()))
+        return JsonBytes(_write_schema())
 
     @api.get("/api/network", responses=answer_of(answers.NetworkAnswer))
     async def get_network() -> Response:
@@ -224,6 +225,11 @@ def _add_questions(api: FastAPI, workspace: Workspace) -> None:
         """Return what could be opened in the folder where the page was started."""
         found = site_files.list_files(workspace.root)
         return JSONResponse({"files": [{"path": path, "kind": kind} for path, kind in found]})
+
+
+@cache
+def _write_schema() -> str:
+    return json_text(build_site_schema())
 
 
 def _answer_bytes(content: bytes | None, missing: str) -> Response:

@@ -17,7 +17,7 @@ from executor.errors import ExecutorError, SiteError
 from executor.flight.next_flight import read_segments_left
 from executor.plan_page.plan_view import Sortie, describe_plan, describe_vehicles, list_uncovered, summarise
 from executor.plan_page.worker import report_progress
-from executor.plan_page.worker_site import read_site_model
+from executor.plan_page.worker_site import SiteKey, find_site_key, read_site_model
 from executor.site import site_model, site_planning
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, list_spares, solve_day
 from executor.site.plan_summary import compute_planned_heights
@@ -189,6 +189,13 @@ def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
     return describe_plan(read_kept_plan(path), read_site_model(text, folder))
 
 
+def prepare_answers(text: str, folder: Path, path: Path) -> None:
+    """Price a plan, and the site for changes of it, before somebody asks what a loss or a change would mean."""
+    if isinstance(read_kept_plan(path), PlanFile):
+        _build_task(path)
+        _build_site_task(find_site_key(text, folder), path, frozenset())
+
+
 def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> dict[str, Any]:
     """Return what the others would fly if a vehicle of a plan were lost at a time.
 
@@ -272,14 +279,20 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
     """
     plan, ground = _read_flight(path), read_site_model(text, folder)
     dropped = frozenset(one.segment for one in changes if one.vehicle == "")
-    task = _build_site_task(text, folder, path, dropped)
+    task = _build_site_task(find_site_key(text, folder), path, dropped)
+    known = set(task.segment_ids)
     routes = {
-        name: list(task.from_network(one for one in visits if segment_of(one) not in dropped))
+        name: list(task.from_network(one for one in visits if segment_of(one) in known))
         for name, visits in plan.network_routes.items()
     }
     for change in changes:
         if change.segment not in dropped:
             _apply_change(change, plan, task, routes)
+            _check_camera(change, ground)
+    violations = list(_find_broken_locks(ground, {name: task.to_network(visits) for name, visits in routes.items()}))
+    if violations:  # priced as if nothing were locked; such a plan does not fit its site, so it is not flown
+        ground = replace(ground, locked={}, directions={})
+        task = site_model.build_first_task(ground, task.segment_ids)
     flown = {segment_of(one) for visits in routes.values() for one in visits}
     left = tuple(one for one in range(len(task.segment_ids)) if one not in flown)
     made = Plan(tuple(Route(number, tuple(routes[name])) for number, name in enumerate(plan.names)), left)
@@ -290,7 +303,7 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
     window = to_plan_window(planner.replan_window(task.instance, made, fly_again=again), task.instance)
     solved = SolverRecord("by hand", plan.seed, 0.0)
     content = site_planning.build_site_plan_file(ground, task, made, window, solved)
-    violations = list(found.violations)
+    violations += found.violations
     try:
         shown = describe_plan(content, ground)
     except (ExecutorError, missions.MissionsError) as error:
@@ -303,10 +316,27 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
     }  # fmt: skip
 
 
+def _find_broken_locks(ground: SiteModel, routes: Mapping[str, Sequence[int]]) -> Iterator[str]:
+    """Yield which locks of a site are broken by visits of its network, by the vehicle's name."""
+    for name, visits in routes.items():
+        for visit in visits:
+            segment, keeper = segment_of(visit), ground.locked.get(segment_of(visit))
+            if keeper not in {None, name}:
+                yield f"{ground.network.segment_name(segment)} is locked to {keeper}, got {name}"
+            if ground.directions.get(segment, is_reversed(visit)) is not is_reversed(visit):
+                yield f"{ground.network.segment_name(segment)} is locked in the other direction"
+
+
+def _check_camera(change: Change, ground: SiteModel) -> None:
+    if change.vehicle and change.segment in ground.setup.looks.find_barred_segments(change.vehicle):
+        name = ground.network.segment_name(change.segment)
+        raise SiteError(f"changes: vehicle: expected one with the camera that {name} asks for, got '{change.vehicle}'")
+
+
 @lru_cache(maxsize=2)
-def _build_site_task(text: str, folder: Path, path: Path, dropped: frozenset[int]) -> missions.Task:
+def _build_site_task(site: SiteKey, path: Path, dropped: frozenset[int]) -> missions.Task:
     """Return the problem of a plan, as the site is now, without what nobody shall fly: that is not left over."""
-    plan, ground = _read_flight(path), read_site_model(text, folder)
+    plan, ground = _read_flight(path), read_site_model(site[0], site[1])
     site_planning.check_plan_belongs(plan, ground, "the plan")
     kept = [segment.id for segment in plan.segments if segment.id not in dropped]
     if not kept or not dropped <= set(plan.positions):

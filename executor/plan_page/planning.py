@@ -6,6 +6,7 @@ import asyncio
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -20,6 +21,7 @@ from executor.plan_page.plan_work import (
     is_stale,
     load_planner,
     make_plans,
+    prepare_answers,
     show_plan,
     summarise_plans,
 )
@@ -110,6 +112,8 @@ class Planning:
         self._asked = 0
         self._answering = asyncio.Lock()
         self._task: asyncio.Task[None] | None = None
+        self._prepared: tuple[str | None, str] = (None, "")
+        """The plan, and the facts of its site, for which answers were prepared last."""
 
     async def warm_up(self) -> None:
         """Load what plans and answers need, in both processes."""
@@ -136,6 +140,14 @@ class Planning:
             if not await self.answers.run(is_stale, now.text, now.folder, path):
                 store.facts[store.chosen] = now.facts
                 await asyncio.to_thread(store.keep_facts)
+
+    async def prepare(self, now: SiteNow) -> None:
+        """Prepare answers about the chosen plan before somebody asks for them."""
+        store = self.store
+        if store is None or store.chosen not in store.summaries or self._prepared == (store.chosen, now.facts):
+            return
+        self._prepared = (store.chosen, now.facts)
+        await self.answers.run(prepare_answers, now.text, now.folder, store.path_of(store.chosen))
 
     async def look(self) -> None:
         """Take up a chosen plan that another program has written."""
@@ -283,6 +295,8 @@ class Planning:
         finally:
             job.ended_s = time.monotonic()
             self._changed()
+        with suppress(*OURS):  # what is asked next says what is wrong
+            await self.prepare(now)
 
     def _expect_store(self) -> PlanStore:
         if self.store is None:

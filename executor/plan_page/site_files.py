@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Any, Literal
 
 import missions
 from executor.errors import SiteError
@@ -150,3 +151,20 @@ def find_site_of_plan(plan: Path) -> Path:
     if len(named) != 1:
         raise SiteError(f"{plan}: expected its site file beside it, found {len(named)}; open that one instead")
     return named[0]
+
+
+def stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
+    """Return what changes when a file that a site names does."""
+    named: list[object] = []
+    for table, key in (("network", "file"), ("terrain", "files"), ("map", "background"), ("area", "file")):
+        tables = values.get(table)
+        for one in tables if isinstance(tables, list) else [tables]:
+            files = one.get(key) if isinstance(one, dict) else None
+            named += files if isinstance(files, list) else [files]
+    stamps: list[object] = []
+    for file in named:
+        with suppress(OSError, ValueError):
+            if isinstance(file, str):
+                stat = (folder / file).stat()
+                stamps += [file, stat.st_mtime_ns, stat.st_size]
+    return stamps

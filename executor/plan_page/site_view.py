@@ -77,12 +77,31 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
     background: Mapping[str, bytes] = {}
     if ground is not None:
         try:
-            background = encode_ground(view_for(ground, folder), frame)
+            background = _encode_background_once(ground, folder)
         except (MissionsError, ExecutorError) as error:
             problems.append(describe_error(error, values))
     digest = sha256(network).hexdigest()[:16]
     network = b'{"digest":"' + digest.encode() + b'",' + network[1:]
     return SiteView(problems, network, digest, len(understood.network.segments), around, background), ground
+
+
+_backgrounds: dict[bytes, Mapping[str, bytes]] = {}
+"""The last one: pictures take seconds, and most edits do not change what is below the line."""
+
+
+def _encode_background_once(ground: SiteModel, folder: Path) -> Mapping[str, bytes]:
+    stated = ground.site.map
+    file = None if stated is None or stated.background is None else folder / stated.background
+    stat = file.stat() if file is not None and file.is_file() else None
+    heights = None if ground.terrain is None else ground.terrain.elevation.digest
+    pads = [(pad.east_m, pad.north_m) for pad in ground.setup.pads]
+    told = repr((stated, file, stat and (stat.st_mtime_ns, stat.st_size), heights, pads, ground.network.frame))
+    key = sha256(told.encode() + ground.network.positions_m.tobytes()).digest()
+    if key not in _backgrounds:
+        made = encode_ground(view_for(ground, folder), ground.network.frame)
+        _backgrounds.clear()
+        _backgrounds[key] = made
+    return _backgrounds[key]
 
 
 def _import_network(values: Mapping[str, Any], folder: Path) -> tuple[missions.NetworkImport | None, list[SiteProblem]]:

@@ -241,6 +241,8 @@ class Workspace:
                 await self._look()
             with suppress(*OURS):
                 await self.planning.look()
+                if self.store is not None:
+                    await self.planning.prepare(self.now)
 
     async def close(self) -> None:
         """Save what is not saved, and end the processes."""
@@ -281,7 +283,7 @@ class Workspace:
         was = (store.saved, store.save_error)
         if await asyncio.to_thread(store.look):
             self._take_change()
-        stamps = await asyncio.to_thread(_stamp_files, self._values, store.path.parent)
+        stamps = await asyncio.to_thread(site_files.stamp_files, self._values, store.path.parent)
         if stamps != self._stamps:
             self._stamps = stamps
             self._facts = sum_up_facts(self._values, stamps)
@@ -296,7 +298,7 @@ class Workspace:
         self.planning.open(self.store.path)
         values, _, self._problems = check_text(self.store.history.text)
         self._values = _to_plain(values)
-        self._stamps = _stamp_files(values, self.store.path.parent)
+        self._stamps = site_files.stamp_files(values, self.store.path.parent)
         self._facts = sum_up_facts(self._values, self._stamps)
         self._wanted.set()
         self.news.set()
@@ -309,20 +311,3 @@ def _to_plain(values: Any) -> Any:  # noqa: ANN401 - whatever a file says
     if isinstance(values, list):
         return [_to_plain(one) for one in values]
     return values if isinstance(values, str | int | float) else str(values)
-
-
-def _stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
-    """Return what changes when a file that a site names does."""
-    named: list[object] = []
-    for table, key in (("network", "file"), ("terrain", "files"), ("map", "background"), ("area", "file")):
-        tables = values.get(table)
-        for one in tables if isinstance(tables, list) else [tables]:
-            files = one.get(key) if isinstance(one, dict) else None
-            named += files if isinstance(files, list) else [files]
-    stamps: list[object] = []
-    for file in named:
-        with suppress(OSError, ValueError):
-            if isinstance(file, str):
-                stat = (folder / file).stat()
-                stamps += [file, stat.st_mtime_ns, stat.st_size]
-    return stamps

@@ -119,10 +119,13 @@ class PlanRequest:
         """Check that the solver can do it.
 
         Raises:
-            PlanFileError: the window is asked of a solver that does not know it, or the paper's solver is to be tuned.
+            PlanFileError: the window, or so many iterations, are asked of a solver that does not know them, or the
+                paper's solver is to be tuned.
         """
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
             raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
+        if self.iterations is not None and self.solver is not PlanSolver.SEARCH:
+            raise PlanFileError(f"--solver: expected search for --iterations, got {self.solver.value}")
         if self.params != DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
             raise PlanFileError("--search: expected none beside --solver grasp, whose numbers are the paper's")
 
@@ -276,7 +279,7 @@ def plan_front(
     """
     task = site_model.build_first_task(ground)
     found = find_pareto_front(
-        task.instance, stop=Seconds(wanted.seconds), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
+        task.instance, stop=wanted.build_stop_rule(), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
         starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=may_fly_again(ground),
     )  # fmt: skip
     solved = SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)

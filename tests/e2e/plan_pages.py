@@ -86,10 +86,10 @@ class Hand:
         await self.page.locator(place).fill(words)
         await self.page.locator(place).press("Enter")
 
-    async def choose(self, place: str, value: str) -> None:
-        """Choose from a menu."""
-        self.clicks += 1
-        await self.page.locator(place).select_option(value)
+    async def give(self, act: str, vehicle: str) -> None:
+        """Do something with the chosen segments for which a vehicle is asked."""
+        await self.click(f'[data-act="{act}"]')
+        await self.click(f'#selected [data-vehicle="{vehicle}"]')
 
     async def open(self, step: str) -> None:
         """Open a step if it is not open."""

@@ -1,10 +1,13 @@
 """Moments of the plan page, each brought about by a hand on the page, to be looked at: `tests.e2e.gallery` draws them.
 
-They are drawn at the widths of a desk, a laptop and a phone, light and dark.
+They are drawn at the widths of a desk, a laptop and a phone, light and dark. `python -m tests.e2e.plan_scenes
+docs/pictures` draws those of the tutorial.
 """
 
 from __future__ import annotations
 
+import asyncio
+import sys
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -68,7 +71,7 @@ async def by_hand(page: Page, hand: Hand) -> None:
     await planned(page, hand)
     await hand.click(".routes .who >> nth=0")
     await hand.click(".visits li .pick >> nth=1")
-    await hand.choose('[data-act="span.give"]', "uav3")
+    await hand.give("span.give", "uav3")
     await expect(page.locator("#plans .answer")).to_be_visible()
 
 
@@ -85,7 +88,7 @@ async def several(page: Page, hand: Hand) -> None:
 async def day(page: Page, hand: Hand) -> None:
     """A working day."""
     await hand.open("day")
-    await hand.click(page.locator("#step-day").get_by_role("button", name="Plan days"))
+    await hand.click(page.locator("#step-day").locator("button").first)
     await expect(page.locator("#step-day .status")).to_contain_text("08:00")
     await planned(page, hand)
 
@@ -103,17 +106,32 @@ PLAN_SCENES: Mapping[str, Act] = {
 WITHOUT_SITE = frozenset({"plan-empty", "plan-dropped"})
 
 
-async def draw_plan_scene(folder: Path, name: str) -> None:
-    """Write a picture of a moment at each width, light and dark."""
+IN_TUTORIAL = ("plan-dropped", "plan-planned", "plan-lost", "plan-by-hand")
+DESK = {"desk": SIZES["desk"]}
+
+
+async def draw_plan_scene(folder: Path, name: str, *, in_tutorial: bool = False) -> None:
+    """Write a picture of a moment at each width, light and dark; or the one that the tutorial shows."""
     async with AsyncExitStack() as stack:
         root = Path(stack.enter_context(TemporaryDirectory()))
         site = None if name in WITHOUT_SITE else make_demo_site(root)
         page, _ = await stack.enter_async_context(planning(root, site))
         await PLAN_SCENES[name](page, Hand(page))
-        for layout, (wide, high) in SIZES.items():
+        for layout, (wide, high) in (DESK if in_tutorial else SIZES).items():
             await page.set_viewport_size({"width": wide, "height": high})
-            for scheme in ("light", "dark"):
-                await page.emulate_media(color_scheme=scheme)
+            for scheme in ("light",) if in_tutorial else ("light", "dark"):
+                await page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+                await page.locator("#answer").evaluate("one => one.classList.remove('shown')")
                 await page.wait_for_timeout(700.0)
-                picture = folder / f"{name}-{layout}-{scheme}.png"
+                picture = folder / (f"{name}.png" if in_tutorial else f"{name}-{layout}-{scheme}.png")
                 await page.screenshot(path=str(picture), full_page=layout == "phone")
+
+
+async def draw_tutorial(folder: Path) -> None:
+    """Write the pictures of the tutorial."""
+    for name in IN_TUTORIAL:
+        await draw_plan_scene(folder, name, in_tutorial=True)
+
+
+if __name__ == "__main__":
+    asyncio.run(draw_tutorial(Path(sys.argv[1])))

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Page, expect
+from playwright.async_api import Page, Route, expect
 
 from tests.e2e.gallery import browsing
 from tests.e2e.plan_pages import PATIENCE_MS, SIZES, Hand, look_at, planning, ready, write_kml
@@ -16,6 +16,14 @@ from tests.executor.plan_page.opened import make_demo_site, opened
 pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
 
 SCRIPT = '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>'
+DROP = """([name, text]) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([text], name));
+  for (const kind of ["dragenter", "dragover", "drop"]) {
+    document.body.dispatchEvent(new DragEvent(kind, { dataTransfer, bubbles: true, cancelable: true }));
+  }
+}"""
+"""A file is dragged from a folder onto the page."""
 BUDGET = '[data-path="vehicle.0.budget_pct"]'
 
 
@@ -81,6 +89,11 @@ async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_k
         await expect(page.locator("#selected b")).to_have_text(boxed)
         await page.keyboard.press("Escape")
         await expect(page.locator("#selected")).to_be_hidden()
+        await page.locator("#step-spans label", has_text="Within").locator("input").fill("2000")
+        await page.keyboard.press("Enter")
+        await hand.map(0.5, 0.5)
+        await expect(page.locator("#selected b")).to_have_text(re.compile("^27 segments"))
+        await page.keyboard.press("Escape")
         await expect(page.locator('[data-tool="pick"]')).to_have_attribute("aria-pressed", "true")
 
 
@@ -106,6 +119,30 @@ async def test_an_area_and_a_pad_are_put_on_the_map_and_their_corners_are_moved(
         await expect(page.locator("#step-places .item b")).to_have_text("pad1 (pad)")
         values = server.checked()["values"]
         assert (values["vehicle"][0]["pad"], values["area"][0]["max_agl_m"]) == ("pad1", 60)
+
+
+async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    async with planning(tmp_path, site) as (page, server):
+        press = page.keyboard.press
+        await press("?")
+        await expect(page.locator("#help")).to_be_visible()
+        await press("Escape")
+        await expect(page.locator("#help")).to_be_hidden()
+        await press("a")
+        for key in ("Enter", *["ArrowRight"] * 3, "Enter", *["ArrowDown"] * 3, "Enter", "Enter"):
+            await press(key)
+        await expect(page.locator("#guide")).to_be_hidden()
+        await press("/")
+        await page.keyboard.type("V102.1")
+        await press("Enter")
+        await press("Escape")
+        for key in ("k", "Tab", "Enter"):
+            await press(key)
+        await expect(page.locator("#legend-locked")).to_be_visible()
+        values = server.checked()["values"]
+        assert values["lock"] == [{"segments": ["V102.1"], "vehicle": "uav2"}]
+        assert len(values["area"][0]["polygon"]) == 3
 
 
 async def test_a_second_tab_is_told_and_both_edits_are_kept(tmp_path: Path) -> None:
@@ -146,15 +183,29 @@ async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_i
     with opened(tmp_path, site, port=port) as server:
         await expect(page.locator("#banner")).to_be_hidden()
         await in_file(page, site, "height_m = 21")
-        assert server.checked()["undo"] == "set Height"
+        assert server.checked()["undo"] == "set Inspection height"
         await browser.__aexit__(None, None, None)
+
+
+async def test_a_site_that_cannot_be_saved_is_said_at_the_top(tmp_path: Path) -> None:
+    async def answer_full(route: Route) -> None:
+        answer = await route.fetch()
+        full = {"saved": False, "save_error": "site.toml: No space left on device"}
+        await route.fulfill(response=answer, json=await answer.json() | full)
+
+    async with planning(tmp_path, make_demo_site(tmp_path)) as (page, _):
+        await page.route(re.compile("/api/(edits|workspace)$"), answer_full)
+        await Hand(page).open("inspection")
+        await Hand(page).type('[data-path="inspection.height_m"] input', "19")
+        await expect(page.locator("#banner")).to_contain_text("Not saved: site.toml: No space left on device")
+        await expect(page.locator("#saved")).to_have_text("not saved")
 
 
 async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:
     name = SCRIPT.replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
     kml = write_kml(tmp_path / "line.kml", name)
     async with planning(tmp_path) as (page, _):
-        await page.set_input_files("#drop input[type=file]", str(kml))
+        await page.evaluate(DROP, [kml.name, kml.read_text(encoding="utf-8")])
         hand = Hand(page)
         await expect(page.locator("#step-network .status")).to_contain_text("segment")
         await hand.open("spans")

@@ -92,7 +92,7 @@ async def test_a_crew_comes_from_a_file_to_a_plan_in_few_clicks(tmp_path: Path, 
         first = page.locator("#step-spans .spans input").first
         name = await page.locator("#step-spans .spans .name").first.inner_text()
         await hand.click(first)
-        await hand.choose('[data-act="span.lock"]', "uav2")
+        await hand.give("span.lock", "uav2")
         await expect(page.locator("#step-spans .spans .state-word").first).to_have_text("locked: uav2")
 
         await hand.click("#start")
@@ -139,7 +139,7 @@ async def test_a_change_by_hand_is_checked_and_priced_before_it_is_kept(tmp_path
         first = page.locator(".visits li .pick").first
         name = (await first.inner_text()).split(" ", 1)[1]
         await hand.click(first)
-        await hand.choose('[data-act="span.give"]', "uav3")
+        await hand.give("span.give", "uav3")
         notice = page.locator("#plans .answer")
         await expect(notice.locator("h3")).to_have_text("1 change by hand")
         await expect(notice).to_contain_text("Budgets, areas, heights and separation hold.")
@@ -149,7 +149,7 @@ async def test_a_change_by_hand_is_checked_and_priced_before_it_is_kept(tmp_path
         await page.keyboard.press("Escape")
         await expect(notice).to_be_hidden()
         assert server.get("/api/workspace")["chosen"] == before
-        await hand.choose('[data-act="span.give"]', "uav3")
+        await hand.give("span.give", "uav3")
         await hand.click(notice.get_by_role("button", name="Keep"))
         await expect(notice).to_be_hidden()
         await expect(page.locator(".visits")).to_contain_text(name)
@@ -205,6 +205,12 @@ async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_
         await go_to(page, 0.6)
         await expect(page.locator("#times .row .where").first).to_contain_text(re.compile("%|landed|pad|ground"))
         assert server.get("/api/workspace")["plans"][-1]["kind"] == "day"
+        await expect(page.locator(".card")).to_contain_text(re.compile(r"Last landing\s*0[89]:\d\d"))
+        await hand.click("#times .row .who >> nth=0")
+        await expect(page.locator("#times .safe-from")).to_have_text(
+            re.compile(r"uav1 may be lost (at any time|from 0[89]:\d\d on)")
+        )
+        await expect(page.locator("#lose")).to_be_hidden()
 
 
 async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(tmp_path: Path) -> None:

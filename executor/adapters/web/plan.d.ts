@@ -28,6 +28,8 @@ export interface PlanSummary {
   id: string;
   file: string;
   kind?: "flight" | "day";
+  /** When the last one has landed, in seconds from the first midnight of a day. */
+  finish_s?: number;
   longest_s: number;
   energy_pct: Record<string, number>;
   window_pct: number | null;

@@ -162,6 +162,17 @@ def test_nobody_to_ask_is_no() -> None:
     assert TerminalConsole(quiet=False, yes=True).confirm("Take off?")
 
 
+@pytest.mark.asyncio
+async def test_a_flight_without_a_terminal_waits_for_the_page() -> None:
+    asked = asyncio.ensure_future(TerminalConsole(quiet=True, yes=False, on_page=True).ask("Take off?"))
+    for _ in range(10):
+        await asyncio.sleep(0)
+    assert not asked.done()
+    asked.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await asked
+
+
 def test_the_table_speaks_of_spans_states_and_places() -> None:
     flight = under_way()
     view = build_fleet_view(flight.context, flight.state, flight.now_s)

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,9 @@ import pytest
 
 import missions
 from executor.cli.main import main
-from tests.executor.plan_page.opened import Opened, make_demo_site, opened
+from executor.plan_page.plan_work import PlanSettings, answer_loss, make_plans
+from executor.plan_page.worker_site import read_site_model
+from tests.executor.plan_page.opened import DEMO_RADIUS, Opened, make_demo_site, opened
 
 MOST_S = 60.0
 """Of searches that end once they are settled."""
@@ -55,6 +59,18 @@ def test_what_the_page_saves_is_planned_alike_by_the_command_line(planned: Opene
     [summary] = [one for one in planned.get("/api/workspace")["plans"] if one["file"]]
     assert (summary["file"], summary["stale"], summary["uncovered"]) == ("plan.json", False, 0)
     assert summary["longest_s"] == max(made.durations_s)
+
+
+def test_so_many_iterations_give_the_same_plan_however_long_they_take(planned: Opened, tmp_path: Path) -> None:
+    chosen = plan(planned, cost="minsum", iterations=3000, seed=7)["chosen"]
+    made = missions.read_plan(planned.root / "plan.json")
+    words = ["--cost", "minsum", "--iterations", "3000", "--seed", "7", "--seconds", str(MOST_S)]
+    with pytest.raises(SystemExit):
+        main(["plan", str(planned.root / "site.toml"), *words, "-o", str(tmp_path / "cli.json")])
+    again = missions.read_plan(tmp_path / "cli.json")
+    assert (made.network_routes, made.cost) == (again.network_routes, again.cost)
+    assert chosen
+    plan(planned)
 
 
 def test_a_plan_of_the_command_line_is_taken_up(planned: Opened) -> None:
@@ -121,6 +137,34 @@ def test_a_loss_is_answered_while_the_slider_is_dragged(planned: Opened) -> None
     assert planned.post(f"/api/plans/{chosen}/loss", 422, vehicle="uav9", at_s=0)["error"].endswith("got uav9")
 
 
+def test_a_loss_of_eighty_segments_takes_less_than_half_a_second(tmp_path: Path) -> None:
+    fourth = '[[vehicle]]\nname = "uav4"\nconnection = "udpin://0.0.0.0:14554"\nsysid = 4\nautopilot = "px4"'
+    text = make_demo_site(tmp_path, fourth).read_text().replace(DEMO_RADIUS, "radius_m = 2200")
+    settings = PlanSettings(seconds=MOST_S, iterations=2000, cost="minmax")
+    [made] = make_plans(text, tmp_path, settings, tmp_path, 1)
+    path = tmp_path / f"{made.id}.json"
+    answer_loss(text, tmp_path, path, "uav2", 0.0)
+    for at_s in (0.0, 400.0, 900.0):
+        began_s = time.process_time()  # a busy computer takes longer, and that is not meant
+        answer = answer_loss(text, tmp_path, path, "uav2", at_s)
+        assert time.process_time() - began_s < 0.5
+    assert len(missions.read_plan(path).segments) >= 80
+    assert answer["recovered"] > 0
+
+
+def test_a_network_that_is_another_one_is_planned_for_as_it_is(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    network = tmp_path / "line.geojson"
+    shutil.copy(missions.default_network_path(), network)
+    text = site.read_text().replace('file = "default"', 'file = "line.geojson"')
+    before = read_site_model(text, tmp_path)
+    assert read_site_model(text, tmp_path) is before
+    document = json.loads(network.read_text())
+    document["features"] = [one for one in document["features"] if "V102" not in json.dumps(one)]
+    network.write_text(json.dumps(document))
+    assert len(read_site_model(text, tmp_path).network.segments) < len(before.network.segments)
+
+
 def test_changes_by_hand_are_checked_and_priced(planned: Opened) -> None:
     chosen = planned.get("/api/workspace")["chosen"]
     before = planned.get(f"/api/plans/{chosen}")
@@ -156,6 +200,28 @@ def test_a_change_beyond_a_budget_is_named(planned: Opened) -> None:
     assert violation.startswith("uav1 spends ")
     assert answer["window_is"] == 0.0
     planned.post("/api/undo", revision=lower["revision"])
+
+
+def test_a_lock_that_a_change_breaks_is_named_and_the_plan_priced_all_the_same(planned: Opened) -> None:
+    segment, pylon = planned.get("/api/network")["segments"][2], planned.get("/api/network")["pylons"][2]
+    assert pylon["place"] == segment["a"]
+    lock = {"segments": [segment["name"]], "vehicle": "uav1", "from": pylon["name"]}
+    locked = planned.edit({"op": "add", "path": ["lock"], "value": lock})
+    assert planned.checked()["problems"] == []
+    chosen = plan(planned)["chosen"]
+    shown = planned.get(f"/api/plans/{chosen}")
+    [visit] = [
+        visit for one in shown["vehicles"] for route in one["routes"] for visit in route["visits"]
+        if one["name"] == "uav1" and visit["segment"] == 2
+    ]  # fmt: skip
+    assert visit["reversed"] is False
+    changes = [{"segment": 2, "vehicle": "uav2", "reversed": True}]
+    answer = planned.post(f"/api/plans/{chosen}/change", changes=changes)
+    name = segment["name"]
+    assert answer["violations"] == [f"{name} is locked to uav1, got uav2", f"{name} is locked in the other direction"]
+    assert all(pct < 100 for pct in answer["plan"]["summary"]["energy_pct"].values())
+    planned.post("/api/undo", revision=locked["revision"])
+    plan(planned)
 
 
 def test_a_plan_of_another_site_is_stale_and_one_of_other_connections_is_not(planned: Opened) -> None:

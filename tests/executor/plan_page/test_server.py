@@ -281,6 +281,21 @@ def test_without_the_token_nothing_is_shown(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_report_is_shown_without_scripts_and_under_rules_of_its_own(demo: Opened) -> None:
+    run = demo.root / "runs" / "20260101-080000"
+    run.mkdir(parents=True)
+    (run / "events.jsonl").touch()
+    assert demo.client.get("/api/report", params={"run": "runs/20260101-080000"}).status_code == 404
+    (run / "report.html").write_text("<style>p {}</style><p>flown</p>")
+    answer = demo.client.get("/api/report", params={"run": "runs/20260101-080000"})
+    assert answer.text.endswith("<p>flown</p>")
+    assert "script-src" not in answer.headers["content-security-policy"]
+    assert "default-src 'none'; style-src 'unsafe-inline'" in answer.headers["content-security-policy"]
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert "script-src 'self'" in demo.client.get("/api/workspace").headers["content-security-policy"]
+    assert demo.client.get("/api/report", params={"run": "../runs"}).status_code == 422
+
+
 def test_a_second_tab_is_counted(demo: Opened) -> None:
     with demo.client.stream("GET", "/api/events") as first:
         lines = first.iter_lines()

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from executor.site.site_planning import DEFAULT, plan_site
+from executor.site.site_planning import DEFAULT, PlanSolver, plan_site
+from missions import PlanFileError
 from planner import Cost
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import line_east
@@ -20,3 +21,8 @@ def test_the_time_is_only_its_limit(cost: Cost | None) -> None:
     one, other = plan_site(GROUND, wanted), plan_site(GROUND, replace(wanted, seconds=2000.0))
     assert (one.plan, one.window) == (other.plan, other.window)
     assert one.solved.seconds < 1000.0
+
+
+def test_other_solvers_count_none() -> None:
+    with pytest.raises(PlanFileError, match="--solver: expected search for --iterations, got exact"):
+        replace(DEFAULT, cost=Cost.MINMAX, solver=PlanSolver.EXACT, iterations=100)

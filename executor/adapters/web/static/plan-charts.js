@@ -1,7 +1,9 @@
-// Pictures of a plan that are lines: the height of each vehicle over its way, the battery over the time, and the plans
+// Pictures of a plan that are lines: the height and the battery of each vehicle over the time, and the plans
 // to choose from by longest route and window.
 
-/** @import { PlanSummary, PlannedVehicle } from "../plan.js" */
+import { apartM } from "./plan-track.js";
+
+/** @import { PlanSummary, PlannedRoute, PlannedVehicle } from "../plan.js" */
 
 const SPACE = "http://www.w3.org/2000/svg";
 export const WIDE = 1000;
@@ -67,19 +69,53 @@ export function drawLines({ low, high, from, to, unit }, lines, title) {
 }
 
 /**
- * Heights over the distance that one vehicle flies, with the ground where it is known.
+ * The time at which a route has come a share of its way.
+ * @param {PlannedRoute} route
+ * @returns {(share: number) => number}
+ */
+function timeOfWay({ track }) {
+  const ways = [0];
+  for (let index = 1; index < track.length; index += 1) {
+    const [before, after] = [track[index - 1], track[index]];
+    ways.push(ways[index - 1] + apartM([before[1], before[2]], [after[1], after[2]]));
+  }
+  const whole = ways[ways.length - 1];
+  return (share) => {
+    const way = share * whole;
+    const next = Math.max(1, ways.findIndex((one) => one >= way));
+    const length = ways[next] - ways[next - 1];
+    const part = length > 0 ? Math.min(1, (way - ways[next - 1]) / length) : 0;
+    return track[next - 1][0] + part * (track[next][0] - track[next - 1][0]);
+  };
+}
+
+/**
+ * The ground below the first route of a vehicle, over the time.
+ * @param {PlannedVehicle} vehicle
+ * @returns {[number, number][]}
+ */
+function groundOf({ routes, profile }) {
+  const whole = profile.at(-1)?.[0] ?? 0;
+  if (!routes.length || routes[0].track.length < 2 || whole <= 0) return [];
+  const timeOf = timeOfWay(routes[0]);
+  return profile.flatMap(([distance, , below]) => (below === null ? [] : [[timeOf(distance / whole), below]]));
+}
+
+/**
+ * Heights of one vehicle over the time of the plan, with the ground where it is known.
  * @param {PlannedVehicle} vehicle
  * @param {string} colour
+ * @param {[number, number]} times
  * @param {string} title
  */
-export function drawProfile(vehicle, colour, title) {
-  const up = vehicle.profile.map(([distance, height]) => /** @type {[number, number]} */ ([distance, height]));
-  const ground = vehicle.profile.flatMap(([distance, , below]) => (below === null ? [] : [/** @type {[number, number]} */ ([distance, below])]));
-  const heights = [...up, ...ground].map((one) => one[1]);
+export function drawProfile(vehicle, colour, [from, to], title) {
+  const paths = vehicle.routes.map((route) => route.track.map(([at, , , up]) => /** @type {[number, number]} */ ([at, up])));
+  const ground = groundOf(vehicle);
+  const heights = [...paths.flat(), ...ground].map((one) => one[1]);
   const low = Math.min(0, ...heights);
   const high = Math.max(10, ...heights) * 1.05;
-  return drawLines({ low, high, from: 0, to: up.at(-1)?.[0] ?? 1, unit: "m" },
-    [{ points: ground, name: "ground", isFilled: true }, { points: up, colour, name: "path" }], title);
+  return drawLines({ low, high, from, to, unit: "m" },
+    [{ points: ground, name: "ground", isFilled: true }, ...paths.map((points) => ({ points, colour, name: "path" }))], title);
 }
 
 /**

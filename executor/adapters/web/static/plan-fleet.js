@@ -4,7 +4,7 @@ import { server } from "./plan-api.js";
 import { button, TableForm, TableList } from "./plan-forms.js";
 import { hueOf } from "./map.js";
 import { freeName } from "./plan-places.js";
-import { labelOf, resolve, schemaAt } from "./plan-schema.js";
+import { labelOf, meaningOf, resolve, schemaAt } from "./plan-schema.js";
 import { count, say } from "./plan-texts.js";
 
 /** @import { Json, LatLon } from "../plan.js" */
@@ -65,10 +65,11 @@ export function vehiclesStep(store) {
     for (const way of ways) {
       const heard = await store.ask(() => server.tryConnection(way, vehicle.sysid, vehicle.autopilot));
       isHeard = isHeard && (heard?.answers ?? false);
-      if (heard) words.push(ways.length > 1 ? `${way}: ${heard.words}` : heard.words);
+      const said = heard?.words ?? store.refusal;
+      words.push(ways.length > 1 ? `${way}: ${said}` : said);
     }
     write(answer, words.join("; "));
-    if (words.length) answer.classList.add(isHeard ? "is-good" : "is-bad");
+    answer.classList.add(isHeard ? "is-good" : "is-bad");
   }
 
   return {
@@ -189,7 +190,7 @@ export function otherStep(store) {
     const head = element("summary");
     const state = element("span", "", "status");
     head.append(element("b", labelOf([name])), state);
-    box.append(head, element("p", schema.description ?? "", "soft"), form.element);
+    box.append(head, element("p", meaningOf([name], schema), "soft"), form.element);
     box.addEventListener("toggle", () => {
       if (box.open) form.show();
     });

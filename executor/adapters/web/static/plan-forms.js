@@ -4,7 +4,7 @@ import { element, write } from "./elements.js";
 import { server } from "./plan-api.js";
 import { formatValue, isGiven, kindOf, labelOf, meaningOf, parseValue, resolve, unitOf } from "./plan-schema.js";
 import { at } from "./plan-store.js";
-import { say } from "./plan-texts.js";
+import { language, say } from "./plan-texts.js";
 
 /** @import { Edit, Json, Path, Problem, Schema } from "../plan.js" */
 /** @import { Store } from "./plan-store.js" */
@@ -12,7 +12,7 @@ import { say } from "./plan-texts.js";
 
 let fields = 0;
 /** Keys that name a file: one can be sent to stand beside the site file. */
-const FILES = new Set(["file", "files", "background", "packs", "key_file", "ca_file"]);
+const FILES = new Set(["file", "files", "background", "packs", "key_file", "ca_file", "cert_file"]);
 
 /** @param {Path} path @param {Path} start */
 export const startsWith = (path, start) => start.every((one, index) => path[index] === one);
@@ -273,11 +273,17 @@ export class TableList {
     this.rows = element("div", "", "rows");
     this.element.append(this.rows);
     if (options.isAdded !== false) {
-      const what = options.word ?? labelOf(path);
+      const what = this.word;
       this.element.append(button(say("list.add", { what }), () => this.addOne(), "add"));
     }
     /** @type {{ form: TableForm, title: HTMLElement, note: HTMLElement, box: HTMLDetailsElement }[]} */
     this.forms = [];
+  }
+
+  /** What one of them is called. */
+  get word() {
+    const label = labelOf(this.path);
+    return this.options.word ?? (language === "en" ? label.toLowerCase() : label);
   }
 
   get items() {
@@ -286,7 +292,7 @@ export class TableList {
   }
 
   async addOne() {
-    const what = this.options.word ?? labelOf(this.path);
+    const what = this.word;
     const index = this.items.length;
     const isTaken = await this.store.edit([{ op: "add", path: this.path, value: this.options.add?.() ?? {}, at: null }], say("edit.add", { what }));
     if (!isTaken) return;

@@ -15,7 +15,7 @@ import { splitAt } from "./plan-track.js";
 export class PlanMap {
   /**
    * @param {Store} store
-   * @param {{ area: (ring: LatLon[]) => void, chosen: (path: Path) => void, cancel: () => void }} made
+   * @param {{ area: (ring: LatLon[]) => void, chosen: (path: Path) => void, cancel: () => void, locks: () => Map<number, string> }} made
    */
   constructor(store, made) {
     this.store = store;
@@ -31,7 +31,7 @@ export class PlanMap {
       onCancel: () => made.cancel(),
       onPoint: (place) => this.point(place),
     });
-    store.on(["network", "selection", "draft", "plan"], () => this.showNetwork());
+    store.on(["network", "selection", "draft", "plan", "workspace"], () => this.showNetwork());
     store.on(["ground", "plan", "draft"], () => this.showGround());
     store.on(["plan", "time", "loss", "vehicle", "draft"], () => this.showRoutes());
     byId("tools").addEventListener("click", (event) => {
@@ -182,11 +182,13 @@ export class PlanMap {
   showNetwork() {
     const { network, selection } = this.store;
     const over = this.over;
+    const locks = this.made.locks();
     if (network) this.map.setFrame(network.frame);
     this.map.setNetwork((network?.segments ?? []).map((one) => ({
-      id: one.id, name: one.name, a: one.a, b: one.b, isChosen: selection.has(one.id),
+      id: one.id, name: one.name, a: one.a, b: one.b, isChosen: selection.has(one.id), colour: locks.get(one.id),
       state: /** @type {SegmentState} */ (one.left_out ? "left-out" : one.unreachable ? "unreachable" : over.has(one.id) ? "left-over" : "open"),
     })));
+    byId("legend-locked").hidden = !locks.size;
     byId("legend-out").hidden = !network?.segments.some((one) => one.left_out);
     byId("legend-left").hidden = !over.size;
     byId("chart").classList.toggle("planned", this.store.shown !== null);

@@ -15,6 +15,12 @@ const SECONDS = [2, 5, 20, 60, 300];
 const COSTS = ["", "minmax", "minsum", "mincomb"];
 
 /**
+ * Seconds from a midnight as a time of the day.
+ * @param {number} seconds
+ */
+const timeOfDay = (seconds) => [3600, 60].map((unit) => String(Math.floor((seconds % (unit === 60 ? 3600 : 86400)) / unit)).padStart(2, "0")).join(":");
+
+/**
  * A menu of texts, by what they stand for.
  * @param {string} name
  * @param {[string, string][]} entries
@@ -79,7 +85,7 @@ export class Result {
     store.on(["job", "workspace"], () => this.showJob());
     store.on(["workspace", "plan"], () => this.showChoices());
     store.on(["loss", "draft", "plan"], () => this.showNotice());
-    store.on(["plan", "draft", "vehicle", "network"], () => this.showRoutes());
+    store.on(["plan", "draft", "vehicle", "network", "loss"], () => this.showRoutes());
     store.on(["selection"], () => this.showMarks());
   }
 
@@ -137,18 +143,47 @@ export class Result {
     const key = JSON.stringify([plans, chosen]);
     if (key === this.shownChoices) return;
     this.shownChoices = key;
-    const cards = plans.map((one) => this.card(one, one.id === chosen));
+    const isNew = (/** @type {PlanSummary} */ one) => !one.stale || one.id === chosen;
+    const fresh = plans.filter(isNew);
+    const earlier = plans.filter((one) => !isNew(one));
+    /** @type {HTMLElement[]} */
+    const parts = fresh.length ? [this.cards(fresh, chosen)] : [element("p", say("plan.none"), "soft")];
+    if (fresh.filter((one) => one.window_pct !== null).length > 1) {
+      const figureOf = element("figure", "", "front");
+      figureOf.append(drawFront(fresh, chosen, (id) => this.choose(id), (one) => this.describe(one)), element("figcaption", say("front.axes")));
+      parts.push(figureOf);
+    }
+    if (earlier.length) {
+      const more = element("details", "", "more");
+      more.append(element("summary", count("plan.earlier", earlier.length)), this.cards(earlier, chosen));
+      parts.push(more);
+    }
+    this.choices.replaceChildren(...parts);
+  }
+
+  /**
+   * @param {PlanSummary[]} plans
+   * @param {string | null} chosen
+   */
+  cards(plans, chosen) {
     const list = element("div", "", "cards");
     list.setAttribute("role", "radiogroup");
     list.setAttribute("aria-label", say("plan.choose"));
+    const cards = plans.map((one) => this.card(one, one.id === chosen));
+    // One of them is in the row of Tab; arrows lead to the others.
+    const held = Math.max(0, plans.findIndex((one) => one.id === chosen));
+    cards.forEach((card, index) => {
+      card.tabIndex = index === held ? 0 : -1;
+    });
+    list.addEventListener("keydown", (event) => {
+      const step = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1 }[event.key];
+      const here = cards.findIndex((card) => card.matches(":focus"));
+      if (!step || here < 0) return;
+      event.preventDefault();
+      cards[(here + step + cards.length) % cards.length].focus();
+    });
     list.append(...cards);
-    const several = plans.filter((one) => one.window_pct !== null).length > 1;
-    const figureOf = element("figure", "", "front");
-    if (several) {
-      figureOf.append(drawFront(plans, chosen, (id) => this.choose(id), (one) => this.describe(one)),
-        element("figcaption", say("front.axes")));
-    }
-    this.choices.replaceChildren(...(plans.length ? [list] : [element("p", say("plan.none"), "soft")]), ...(several ? [figureOf] : []));
+    return list;
   }
 
   /**
@@ -166,7 +201,7 @@ export class Result {
     };
     card.append(
       row("fact.longest", clock(one.longest_s)),
-      row("fact.window", one.window_pct === null ? "–" : `${figure(one.window_pct)} %`),
+      one.kind === "day" ? row("fact.finish", timeOfDay(one.finish_s ?? 0)) : row("fact.window", one.window_pct === null ? "–" : `${figure(one.window_pct)} %`),
       row("fact.left", String(one.uncovered), one.uncovered ? "is-bad" : ""),
     );
     if (one.stale) card.append(element("em", say("plan.old")));
@@ -182,8 +217,8 @@ export class Result {
 
   /** The vehicle at fault is taken out of the plan, and what the others would fly then is shown. */
   async lose() {
-    const { plan, vehicle, timeS } = this.store;
-    if (!plan || !vehicle) return;
+    const { plan, vehicle, timeS, isDay } = this.store;
+    if (!plan || !vehicle || isDay) return;
     const began = performance.now();
     const answer = await this.store.ask(() => server.lose(plan.summary.id, vehicle, timeS));
     if (!answer) return;
@@ -233,6 +268,7 @@ export class Result {
     this.notice.hidden = !loss && !draft;
     if (draft) this.showDraft();
     else if (loss) this.showLoss();
+    if (draft || loss) this.notice.scrollIntoView({ block: "nearest" });
   }
 
   showDraft() {
@@ -284,7 +320,7 @@ export class Result {
     const top = element("thead");
     top.append(head);
     const body = element("tbody");
-    shown.vehicles.forEach((one, index) => {
+    this.store.vehicles.forEach((one, index) => {
       body.append(this.row(one, index));
       if (one.name === vehicle && one.routes.length) body.append(this.visits(one));
     });
@@ -342,7 +378,7 @@ export class Result {
     cell.colSpan = 4;
     const list = element("ol");
     for (const route of vehicle.routes) {
-      if (vehicle.routes.length > 1) list.append(element("li", say("route.sortie", { number: route.sortie + 1, time: clock(route.start_s % 86400) }), "sortie"));
+      if (vehicle.routes.length > 1) list.append(element("li", say("route.sortie", { number: route.sortie + 1, time: timeOfDay(route.start_s) }), "sortie"));
       route.visits.forEach((visit, index) => {
         list.append(this.visit(visit, index, route.visits.length, vehicle));
       });
@@ -365,7 +401,7 @@ export class Result {
     const picks = button(`${visit.reversed ? "←" : "→"} ${name}`, () => this.store.select([visit.segment], "toggle"), "pick");
     const time = element("span", clock(visit.from_s - this.store.beginS), "at");
     item.append(picks, time);
-    if (vehicle.routes.length === 1) {
+    if (vehicle.routes.length === 1 && !this.store.loss) {
       const actions = element("span", "", "hand");
       const act = (/** @type {string} */ text, /** @type {string} */ key, /** @type {Change} */ change, isIdle = false) => {
         const one = button(text, () => this.change([change]));

@@ -96,7 +96,7 @@ export function labelOf(path) {
  * @param {Path} path
  * @param {Schema} schema
  */
-export const meaningOf = (path, schema) => fieldWords(path)?.[1] ?? (schema.description ?? "").replaceAll("`", "");
+export const meaningOf = (path, schema) => fieldWords(path)?.[1] || (schema.description ?? "").replaceAll("`", "");
 
 /** @param {Json} value */
 export const isGiven = (value) => value !== undefined && value !== null && !(Array.isArray(value) && !value.length);

@@ -1,10 +1,13 @@
 // Which segments are flown: chosen by click, box, lasso, name or distance, then left out, taken in, locked.
 import { element, write } from "./elements.js";
 import { button, Field, TableList } from "./plan-forms.js";
-import { schemaAt } from "./plan-schema.js";
+import { hueOf } from "./map.js";
+import { parseNumber, schemaAt } from "./plan-schema.js";
 import { count, figure, say } from "./plan-texts.js";
+import { apartM } from "./plan-track.js";
 
 /** @import { Edit, Json, Segment } from "../plan.js" */
+/** @import { PlanMap } from "./plan-map.js" */
 /** @import { Step } from "./plan-steps.js" */
 /** @import { Store } from "./plan-store.js" */
 
@@ -145,6 +148,18 @@ export class SpanActions {
     return this.store.edit([locks.length ? { op: "set", path: ["lock"], value: locks } : { op: "unset", path: ["lock"] }], label);
   }
 
+  /** The colours of those whom segments are locked to. */
+  listLocks() {
+    /** @type {Map<number, string>} */
+    const found = new Map();
+    if (!this.store.values.lock) return found;
+    for (const one of this.store.network?.segments ?? []) {
+      const vehicle = this.store.names.indexOf(this.lockOf(one.name)?.vehicle);
+      if (vehicle >= 0) found.set(one.id, hueOf(vehicle));
+    }
+    return found;
+  }
+
   /** @param {string} name */
   lockOf(name) {
     const locks = /** @type {Json[]} */ (this.store.values.lock ?? []);
@@ -153,11 +168,39 @@ export class SpanActions {
 }
 
 /**
+ * Chooses the segments that lie within a distance of a place on the map.
+ * @param {Store} store
+ * @param {PlanMap} map
+ */
+function makeAround(store, map) {
+  const line = element("form", "", "search");
+  const distance = element("input");
+  distance.type = "text";
+  distance.inputMode = "decimal";
+  distance.value = "200";
+  distance.setAttribute("aria-label", say("spans.within"));
+  const label = element("label", say("spans.within"), "soft");
+  label.append(" ", distance, " m");
+  line.append(label, element("button", say("spans.around")));
+  line.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const radius = parseNumber(distance.value);
+    if (typeof radius !== "number") return;
+    map.askPlace(say("guide.around"), (place) => {
+      const found = (store.network?.segments ?? []).filter((one) => apartM(one.a, place) <= radius && apartM(one.b, place) <= radius);
+      store.select(found.map((one) => one.id), "add");
+    });
+  });
+  return line;
+}
+
+/**
  * @param {Store} store
  * @param {SpanActions} actions
+ * @param {PlanMap} map
  * @returns {Step}
  */
-export function spansStep(store, actions) {
+export function spansStep(store, actions, map) {
   const keys = schemaAt(store.schema, ["network"]).properties ?? {};
   const radius = new Field(store, ["network", "radius_m"], keys.radius_m ?? {});
   const lists = ["leave_out", "only"].filter((key) => keys[key]).map((key) => new Field(store, ["network", key], keys[key]));
@@ -231,7 +274,7 @@ export function spansStep(store, actions) {
       line.append(search, takes);
       const more = element("details", "", "more");
       more.append(element("summary", say("spans.named")), ...lists.map((one) => one.element));
-      place.append(element("p", say("spans.how"), "soft"), line, list, note, radius.element, locks.element, more);
+      place.append(element("p", say("spans.how"), "soft"), line, list, note, makeAround(store, map), radius.element, locks.element, more);
     },
     show: () => {
       radius.show();
@@ -260,6 +303,12 @@ export class SelectionBar {
     this.what = element("b");
     this.buttons = element("div", "", "actions");
     place.append(this.what, this.buttons);
+    place.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || !this.buttons.querySelector(".vehicle")) return;
+      event.preventDefault();
+      this.shown = "";
+      this.show();
+    });
     this.shown = "";
     store.on(["selection", "network", "plan", "draft", "workspace"], () => this.show());
   }
@@ -292,10 +341,10 @@ export class SelectionBar {
     if (chosen.some((one) => !one.left_out)) act("span.leave-out", () => this.actions.leaveOut(), "O");
     if (chosen.some((one) => one.left_out)) act("span.take-in", () => this.actions.takeIn(), "");
     act("span.only", () => this.actions.only(), "");
-    made.push(this.makeChoice("span.lock", names, (vehicle) => this.actions.lock(vehicle)));
+    made.push(this.makeChoice("span.lock", names, (vehicle) => this.actions.lock(vehicle), "K"));
     if (chosen.some((one) => this.actions.lockOf(one.name))) act("span.unlock", () => this.actions.unlock(), "");
     if (this.store.shown) {
-      made.push(this.makeChoice("span.give", [...names, NOBODY], (vehicle) => this.by.give(vehicle === NOBODY ? "" : vehicle)));
+      made.push(this.makeChoice("span.give", [...names, NOBODY], (vehicle) => this.by.give(vehicle === NOBODY ? "" : vehicle), "G"));
       act("span.turn", () => this.by.turn(), "T");
     }
     act("span.clear", () => this.store.select([]), "Esc", "plain");
@@ -303,25 +352,41 @@ export class SelectionBar {
   }
 
   /**
-   * A menu of vehicles.
+   * A button that asks for a vehicle.
    * @param {string} key
    * @param {string[]} names
    * @param {(vehicle: string) => void} chosen
    */
-  makeChoice(key, names, chosen) {
-    const made = element("select");
+  makeChoice(key, names, chosen, stroke = "") {
+    const made = button(say(key), () => this.askVehicle(key, names, chosen));
     made.dataset.act = key;
-    made.setAttribute("aria-label", say(key));
-    for (const one of ["", ...names]) {
-      const option = element("option", one === NOBODY ? say("span.nobody") : one || say(key));
-      option.value = one;
-      made.append(option);
-    }
-    made.addEventListener("change", () => {
-      const name = made.value;
-      made.value = "";
-      if (name) chosen(name);
-    });
+    made.append(" ", element("kbd", stroke));
     return made;
+  }
+
+  /**
+   * Shows the vehicles instead of what can be done, until one is chosen.
+   * @param {string} key
+   * @param {string[]} names
+   * @param {(vehicle: string) => void} chosen
+   */
+  askVehicle(key, names, chosen) {
+    const done = () => {
+      this.shown = "";
+      this.show();
+    };
+    const vehicles = names.map((name, index) => {
+      const one = button(name === NOBODY ? say("span.nobody") : name, () => {
+        done();
+        chosen(name);
+      }, "vehicle");
+      one.dataset.vehicle = name;
+      if (name !== NOBODY) one.style.setProperty("--hue", hueOf(index));
+      return one;
+    });
+    const back = button(say("cancel"), done, "plain");
+    back.append(" ", element("kbd", "Esc"));
+    this.buttons.replaceChildren(element("span", say(key)), ...vehicles, back);
+    vehicles[0]?.focus();
   }
 }

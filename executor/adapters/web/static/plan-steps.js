@@ -1,6 +1,8 @@
 // The steps from a network to a plan, one below the other: each says in a word how far it is.
 import { element, write } from "./elements.js";
 import { button, startsWith } from "./plan-forms.js";
+import { labelOf } from "./plan-schema.js";
+import { at } from "./plan-store.js";
 import { count, say } from "./plan-texts.js";
 
 /** @import { Path, Problem } from "../plan.js" */
@@ -79,9 +81,21 @@ export class Steps {
       const item = element("li");
       const remedies = element("div", "", "actions");
       remedies.append(...this.remedies.filter((remedy) => remedy.fits(one)).map((remedy) => remedy.make()));
-      item.append(button(one.message, () => this.goTo(one.path), "wrong"), remedies);
+      item.append(button(this.describe(one), () => this.goTo(one.path), "wrong"), remedies);
       return item;
     }));
+  }
+
+  /**
+   * What is wrong, with the field that it is about.
+   * @param {Problem} problem
+   */
+  describe({ path, message }) {
+    const index = path.findIndex((one) => typeof one === "number");
+    const item = index > 0 ? at(this.store.values, path.slice(0, index + 1))?.name : undefined;
+    const key = path.length > 1 && typeof path.at(-1) === "string" ? labelOf(path) : "";
+    const where = [item, key].filter(Boolean).join(", ");
+    return where && !message.startsWith("/") ? `${where}: ${message}` : message;
   }
 
   /** Opens what is wrong next, once all that was wrong before is mended. */

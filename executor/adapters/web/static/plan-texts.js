@@ -29,7 +29,7 @@ export async function loadTexts(chosen = wanted()) {
   language = chosen;
   document.documentElement.lang = chosen;
   texts = await read(`plan-texts-${chosen}.json`);
-  fields = chosen === "en" ? {} : await read(`plan-fields-${chosen}.json`);
+  fields = await read(`plan-fields-${chosen}.json`);
 }
 
 /**
@@ -52,7 +52,8 @@ export const count = (key, count, values = {}) =>
   say(`${key}.${count === 1 ? "one" : "many"}`, { ...values, count });
 
 /**
- * What a key of the site file is called and means, where the language has words of its own for it.
+ * What a key of the site file is called and means, where the language has words of its own for it. English has meanings
+ * from the schema.
  * @param {Path} path
  * @returns {[string, string] | null}
  */

@@ -7,7 +7,7 @@ import { hueOf } from "./map.js";
 import { figure, say } from "./plan-texts.js";
 import { clock } from "./words.js";
 
-/** @import { PlannedVehicle } from "../plan.js" */
+/** @import { DayWindow, PlannedVehicle } from "../plan.js" */
 /** @import { Store } from "./plan-store.js" */
 
 const STEPS = 2000;
@@ -35,7 +35,9 @@ export class Timeline {
     }
     this.lost = button("", asked.lose, "danger");
     this.lost.id = "lose";
-    head.append(this.time, this.tabs, this.lost);
+    // Of a day no loss is thought through here: its plan says from when on one may be lost.
+    this.safe = element("span", "", "safe-from");
+    head.append(this.time, this.tabs, this.safe, this.lost);
     this.slider = element("input");
     this.slider.type = "range";
     this.slider.id = "slider";
@@ -170,7 +172,7 @@ export class Timeline {
     const safe = this.store.shown?.windows?.find((one) => one.vehicle === vehicle.name);
     if (safe) {
       const piece = this.piece(safe.from_s, this.store.endS, "safe");
-      piece.title = say("window.day", { vehicle: vehicle.name, time: this.wordOf(safe.from_s) });
+      piece.title = this.describeSafe(safe);
       track.append(piece);
     }
     if (loss?.vehicle === vehicle.name) track.append(this.piece(loss.at_s, this.store.endS, "lost"));
@@ -178,6 +180,11 @@ export class Timeline {
     track.addEventListener("pointerdown", (event) => this.jump(event, track, vehicle.name));
     row.append(who, track, element("span", "", "where"));
     return row;
+  }
+
+  /** @param {DayWindow} safe */
+  describeSafe({ vehicle, from_s: fromS }) {
+    return fromS <= this.store.beginS ? say("window.day-always", { vehicle }) : say("window.day", { vehicle, time: this.wordOf(fromS) });
   }
 
   /**
@@ -199,6 +206,10 @@ export class Timeline {
       row.classList.toggle("chosen", isChosen);
       row.querySelector(".who")?.setAttribute("aria-pressed", String(isChosen));
     }
+    const { isDay, shown } = this.store;
+    this.lost.hidden = isDay;
+    const safe = shown?.windows?.find((one) => one.vehicle === vehicle);
+    write(this.safe, safe ? this.describeSafe(safe) : "");
     this.lost.disabled = vehicle === null;
     const words = vehicle === null ? say("lose.who") : say("lose.here", { vehicle });
     if (this.lost.dataset.shown !== words) {
@@ -243,12 +254,13 @@ export class Timeline {
     this.place.dataset.view = this.view;
     if (!shown || this.view === "routes") return;
     if (this.view === "battery") {
-      this.charts.replaceChildren(this.frame("", drawBatteries(this.store.vehicles, hueOf, [this.store.beginS, this.store.endS], vehicle, say("times.battery")), true));
+      this.charts.replaceChildren(this.frame("", drawBatteries(this.store.vehicles, hueOf, [this.store.beginS, this.store.endS], vehicle, say("times.battery"))));
     } else {
-      const wanted = shown.vehicles.filter((one) => (vehicle === null || one.name === vehicle) && one.profile.length > 1);
+      const { vehicles, beginS, endS } = this.store;
+      const wanted = vehicles.filter((one) => (vehicle === null || one.name === vehicle) && one.routes.length);
       this.charts.replaceChildren(...wanted.map((one) => {
-        const colour = hueOf(shown.vehicles.indexOf(one));
-        return this.frame(one.name, drawProfile(one, colour, say("profile.of", { vehicle: one.name })), false);
+        const drawn = drawProfile(one, hueOf(vehicles.indexOf(one)), [beginS, endS], say("profile.of", { vehicle: one.name }));
+        return this.frame(one.name, drawn);
       }));
     }
     this.showTime();
@@ -257,9 +269,8 @@ export class Timeline {
   /**
    * @param {string} who
    * @param {{ svg: Element, labels: { share: number, text: string }[] }} drawn
-   * @param {boolean} isTimed
    */
-  frame(who, { svg, labels }, isTimed) {
+  frame(who, { svg, labels }) {
     const frame = element("figure", "", "frame");
     const scale = element("div", "", "heights");
     scale.append(...labels.map(({ share, text }) => {
@@ -268,8 +279,7 @@ export class Timeline {
       return label;
     }));
     const track = element("div", "", "track");
-    track.append(svg);
-    if (isTimed) track.append(element("i", "", "now"));
+    track.append(svg, element("i", "", "now"));
     frame.append(scale, track);
     if (who) frame.append(element("figcaption", who));
     return frame;

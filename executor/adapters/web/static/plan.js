@@ -21,12 +21,15 @@ const SLIDE_S = 10;
 /** @param {Schema} schema */
 function start(schema) {
   const store = new Store(schema);
-  const map = new PlanMap(store, { area: (ring) => addArea(store, ring), chosen: (path) => steps.goTo(path), cancel: () => cancel(store, map) });
-  const dropping = new Dropping(store);
   const actions = new SpanActions(store);
+  const map = new PlanMap(store, {
+    area: (ring) => addArea(store, ring), chosen: (path) => steps.goTo(path), cancel: () => cancel(store, map),
+    locks: () => actions.listLocks(),
+  });
+  const dropping = new Dropping(store);
   /** @type {Steps} */
   const steps = new Steps(store, byId("steps"), [
-    networkStep(store, dropping), spansStep(store, actions), placesStep(store, map), areasStep(store, map, () => map.use("area")),
+    networkStep(store, dropping), spansStep(store, actions, map), placesStep(store, map), areasStep(store, map, () => map.use("area")),
     vehiclesStep(store), inspectionStep(store), dayStep(store, map), otherStep(store),
   ], remediesOf(store));
   const result = new Result(store, byId("plans"));
@@ -55,6 +58,10 @@ function start(schema) {
   listenToButtons(store, steps);
   listenToKeys(store, { map, steps, result, actions });
   listen((news) => store.news(news), (isHeard) => store.heard(isHeard));
+  // Who comes back from the page of a flight sees what it came to.
+  addEventListener("pageshow", (event) => {
+    if (event.persisted) location.reload();
+  });
   addEventListener("beforeunload", (event) => {
     if (store.waiting.length) event.preventDefault();
   });
@@ -159,7 +166,7 @@ function listenToKeys(store, { map, steps, result, actions }) {
     }, x: () => result.lose(),
     o: () => { if (store.selection.size) actions.leaveOut(); },
     t: () => { if (store.selection.size && store.shown) result.turn(); },
-    k: () => focusOn("span.lock"), g: () => focusOn("span.give"),
+    k: () => press("span.lock"), g: () => press("span.give"),
     ",": () => store.goTo(store.timeS - SLIDE_S), ".": () => store.goTo(store.timeS + SLIDE_S), 0: () => map.fit(),
     m: () => byId("layer").click(),
     "?": () => byId("help", HTMLDialogElement).showModal(),
@@ -187,6 +194,12 @@ function listenToKeys(store, { map, steps, result, actions }) {
       return;
     }
     if (isTyping || !store.workspace?.site) return;
+    const offered = byId("selected").querySelectorAll(".vehicle");
+    const meant = /^[1-9]$/.test(event.key) ? offered[Number(event.key) - 1] : undefined;
+    if (meant instanceof HTMLElement) {
+      meant.click();
+      return;
+    }
     if (/^[1-9]$/.test(event.key)) {
       const vehicle = store.shown?.vehicles[Number(event.key) - 1];
       if (vehicle) store.chooseVehicle(vehicle.name);
@@ -200,9 +213,9 @@ function listenToKeys(store, { map, steps, result, actions }) {
 }
 
 /** @param {string} key */
-function focusOn(key) {
+function press(key) {
   const place = byId("selected").querySelector(`[data-act="${CSS.escape(key)}"]`);
-  if (place instanceof HTMLElement) place.focus();
+  if (place instanceof HTMLElement) place.click();
 }
 
 let timer = 0;

@@ -112,6 +112,12 @@ def test_every_field_is_named_and_explained_in_every_language(language: str) -> 
     assert [key for key, words in known.items() if len(words) != 2 or not all(words)] == []
 
 
+def test_english_names_fields_and_leaves_their_meaning_to_the_schema() -> None:
+    known = catalogue("plan-fields-en.json")
+    assert set(known) - set(site_keys()) == set()
+    assert [key for key, words in known.items() if len(words) != 2 or not words[0] or words[1]] == []
+
+
 def test_no_script_and_no_style_stands_in_the_page() -> None:
     page = STATIC.joinpath("plan.html").read_text(encoding="utf-8")
     assert re.findall(r"<script(?![^>]*\bsrc=)|<style|\son\w+=|\sstyle=", page) == []
