@@ -65,6 +65,8 @@ def treat_signals_as_ctrl_c() -> Iterator[None]:
     def ends(_: int, __: FrameType | None) -> None:
         forget_terminal()
         if once.is_first():
+            if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell starts so what a script does not wait for
+                signal.signal(signal.SIGINT, signal.default_int_handler)
             signal.raise_signal(signal.SIGINT)
 
     ours = [number for number in ENDS if signal.getsignal(number) == signal.SIG_DFL]

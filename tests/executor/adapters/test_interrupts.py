@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -54,6 +55,22 @@ def test_ctrl_c_ends_it_with_a_line(place: Place, command: list[str], said: str)
     assert process.returncode in {exit_codes.INTERRUPTED, -signal.SIGINT}
     assert "faultline: interrupted" in err
     assert "Traceback" not in seen + err + out, seen + err + out
+
+
+def test_sigterm_ends_one_that_a_script_started_in_the_background(place: Place) -> None:
+    """A shell that is not interactive has Ctrl-C ignored by what it starts with `&`."""
+    command = ["plan", place.path("site.toml"), "--cost", "window", "--seconds", "60"]
+    quoted = shlex.join([sys.executable, "-m", "executor", *command])
+    with subprocess.Popen(
+        ["/bin/sh", "-c", f"trap '' INT; exec {quoted}"], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        while "planning " not in (line := process.stderr.readline()):
+            assert line
+        process.terminate()
+        _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == exit_codes.INTERRUPTED
+    assert "faultline: interrupted" in err
 
 
 def test_ctrl_c_while_the_program_loads(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
