@@ -240,7 +240,7 @@ class FootprintPart(Answer):
 class GroundAnswer(Answer):
     """What lies around the network."""
 
-    depot: Place
+    depot: Place | None
     pads: list[VehiclePadPart]
     bases: list[BasePart]
     places: list[PlacePart]

@@ -73,7 +73,8 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
         return SiteView(problems), ground
     network = json_text(_describe_network(understood, ground), (",", ":")).encode()
     frame = understood.network.frame if ground is None else ground.network.frame
-    around = json_text(_describe_ground(values, site, ground, frame, folder), (",", ":")).encode()
+    has_depot = understood.has_depot or ground is not None
+    around = json_text(_describe_ground(values, site, ground, frame, folder, has_depot=has_depot), (",", ":")).encode()
     background: Mapping[str, bytes] = {}
     if ground is not None:
         try:
@@ -131,11 +132,10 @@ def _import_once(
 
 def _describe_network(understood: missions.NetworkImport, ground: SiteModel | None) -> dict[str, object]:
     network = understood.network if ground is None else ground.network
-    asked = network
     why = {} if ground is None else {network.segment_name(one.segment): one.why for one in ground.setup.unreachable}
     left_out = frozenset[int]() if ground is None else ground.left_out
-    places = [_round_place((pylon.lat_deg, pylon.lon_deg)) for pylon in asked.pylons]
-    lengths_m = asked.lengths_m.tolist()
+    places = [_round_place((pylon.lat_deg, pylon.lon_deg)) for pylon in network.pylons]
+    lengths_m = network.lengths_m.tolist()
     lat_deg, lon_deg, alt_m = network.depot
     remarks = site_model.describe_remarks(understood.found) if ground is None else ground.worth_a_look
     return {
@@ -146,29 +146,30 @@ def _describe_network(understood: missions.NetworkImport, ground: SiteModel | No
         "frame": {"lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": alt_m},
         "segments": [
             {
-                "id": one.id, "name": (name := asked.segment_name(one.id)), "a": places[one.a], "b": places[one.b],
+                "id": one.id, "name": (name := network.segment_name(one.id)), "a": places[one.a], "b": places[one.b],
                 "line": understood.lines.get(one.label, ""), "length_m": round(lengths_m[one.id], 1),
                 "left_out": one.id in left_out, "unreachable": why.get(name),
             }
-            for one in asked.segments
+            for one in network.segments
         ],
         "pylons": [
             {"name": pylon.id, "place": place, "height_m": pylon.height_m, "elevation_m": pylon.elevation_m}
-            for pylon, place in zip(asked.pylons, places, strict=True)
+            for pylon, place in zip(network.pylons, places, strict=True)
         ],
         "remarks": list(remarks),
     }  # fmt: skip
 
 
 def _describe_ground(
-    values: Mapping[str, Any], site: Site | None, ground: SiteModel | None, frame: LocalFrame, folder: Path
-) -> dict[str, object]:
+    values: Mapping[str, Any], site: Site | None, ground: SiteModel | None, frame: LocalFrame, folder: Path,
+    *, has_depot: bool,
+) -> dict[str, object]:  # fmt: skip
     pads = () if ground is None else ground.setup.pads
     places = [] if site is None else [
         {"name": one.name, "kind": one.kind, "place": _round_place((one.lat_deg, one.lon_deg))} for one in site.place
     ]  # fmt: skip
     return {
-        "depot": _round_place((frame.lat_deg, frame.lon_deg)),
+        "depot": _round_place((frame.lat_deg, frame.lon_deg)) if has_depot else None,
         "pads": [{"vehicle": one.vehicle, "place": to_place(frame, (one.east_m, one.north_m))} for one in pads],
         "bases": [] if site is None else [
             {"name": one.name, "place": _round_place((one.lat_deg, one.lon_deg)), "vehicles": one.vehicles}

@@ -201,6 +201,7 @@ def test_a_network_that_is_dropped_begins_a_site_and_scripts_in_its_names_stay_t
         assert network.headers["content-type"] == "application/json"
         assert network.headers["x-content-type-options"] == "nosniff"
         assert SCRIPT in network.json()["pylons"][0]["name"]
+        assert one.get("/api/ground")["depot"] is None, "nobody has said where it is"
         one.edit({"op": "set", "path": ["depot"], "value": {"lat_deg": 49.6, "lon_deg": 15.6, "alt_m": 400}})
         again = one.client.post("/api/upload", params={"name": "line.kml"}, content=content).json()
         assert (again["uploaded"], again["site"]["path"]) == ("line-2.kml", "line-2.toml")
