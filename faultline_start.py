@@ -7,7 +7,9 @@ says so; none of them is loaded here before it is known whose it is.
 from __future__ import annotations
 
 import sys
+from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
+from pathlib import Path
 
 PACKAGES = ("executor", "missions", "planner", "simulator")
 MARK = "# Part of faultline."
@@ -34,10 +36,17 @@ def stranger(name: str) -> str:
     """Return in words that a package is missing or another project's; empty if it is ours. It is not loaded."""
     found = find_spec(name)
     place = "none" if found is None else found.origin or "a folder without its __init__.py"
-    source = getattr(None if found is None else found.loader, "get_source", None)
-    if source is not None and (source(name) or "").startswith(MARK):
+    if found is not None and _read_source(found).startswith(MARK):
         return ""
     return (
         f"{name}: expected faultline's own package, got {place}: uninstall the other project that is called {name} "
         "(pip uninstall), and install faultline again"
     )
+
+
+def _read_source(found: ModuleSpec) -> str:
+    """Return a package's source. Not every loader has it: pytest's, of a package with a plugin, has not."""
+    source = getattr(found.loader, "get_source", None)
+    if source is not None:
+        return source(found.name) or ""
+    return Path(found.origin).read_text(encoding="utf-8") if found.origin and found.has_location else ""

@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.abc import Loader
+from importlib.util import spec_from_file_location
 from pathlib import Path
 
 import pytest
 
+import faultline_start
 from faultline_start import PACKAGES, stranger
 
 ROOT = Path(__file__).parents[1]
@@ -29,6 +32,14 @@ def test_the_program_starts_where_its_packages_are_its_own() -> None:
     code, out, err = started()
     assert (code, err) == (0, "")
     assert "Usage" in out
+
+
+def test_a_package_is_known_by_its_file_where_its_loader_has_no_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pytest loads the package of a plugin by a loader of its own."""
+    origin = ROOT / "simulator" / "__init__.py"
+    spec = spec_from_file_location("simulator", origin, loader=Loader())
+    monkeypatch.setattr(faultline_start, "find_spec", lambda _: spec)
+    assert not stranger("simulator")
 
 
 @pytest.mark.parametrize("name", PACKAGES)
