@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import is_hypothesis_test, settings
 
 from planner import stop_rules
 from tests.programs import need
@@ -37,18 +37,23 @@ SLOW = Path(__file__).with_name("slow.txt")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add `--quick`, as `./scripts/test` gives it."""
+    """Add `--quick` and `--rest`, as `./scripts/test` gives them."""
     parser.addoption("--quick", action="store_true", help="Leave out the tests that tests/slow.txt lists.")
+    parser.addoption("--rest", action="store_true", help="Run these alone, and what hypothesis has more examples for.")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out slow tests where `--quick` is given; new ones run until their duration is recorded."""
-    if not config.getoption("--quick"):
+    """Leave out the slow tests for `--quick`, the others for `--rest`; new ones are quick until their time is known."""
+    quick = config.getoption("--quick")
+    if not quick and not config.getoption("--rest"):
         return
     listed = set(SLOW.read_text(encoding="utf-8").splitlines())
-    left_out = [item for item in items if slow_name(item) in listed]
+    wanted, left_out = list[pytest.Item](), list[pytest.Item]()
+    for item in items:
+        slow, is_property = slow_name(item) in listed, is_hypothesis_test(getattr(item, "obj", None))
+        (wanted if (not slow if quick else slow or is_property) else left_out).append(item)
     config.hook.pytest_deselected(items=left_out)
-    items[:] = [item for item in items if slow_name(item) not in listed]
+    items[:] = wanted
 
 
 def slow_name(item: pytest.Item) -> str:
