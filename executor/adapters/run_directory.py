@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -96,13 +97,20 @@ class RunDirectory:
         return self.path / (f"{vehicle}.tlog" if link == 1 else f"{vehicle}.link{link}.tlog")
 
 
+def name_run(runs: Path) -> Path:
+    """Return a dated directory that is not there yet."""
+    begun = f"{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    names = (begun if number == 1 else f"{begun}-{number}" for number in count(1))
+    return next(runs / name for name in names if not (runs / name).exists())
+
+
 def create_run_directory(wanted: Path | None) -> Path:
     """Make the directory of a run; by default a dated one under runs/ in the working directory.
 
     Raises:
         LogError: it holds a run already, or cannot be made.
     """
-    path = wanted if wanted is not None else Path("runs") / f"{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    path = wanted if wanted is not None else name_run(Path("runs"))
     try:
         if RunDirectory(path).events.exists():
             raise LogError(f"{path}: --run: expected a new directory, this one holds a run already")

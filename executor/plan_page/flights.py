@@ -9,11 +9,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from executor.adapters.run_directory import RunDirectory, hold_lock
+from executor.adapters.run_directory import RunDirectory, hold_lock, name_run
 from executor.analysis.documents import FlightReport, read_report
 from executor.core.formatting import command_line
 from executor.errors import LogError, SiteError
@@ -21,6 +20,8 @@ from executor.errors import LogError, SiteError
 RUNS = "runs"
 STARTS_S = 90.0
 """Real seconds for a flight's page to be there: its process loads the planner first."""
+ENDS_S = 10.0
+"""Real seconds that it may take to end."""
 LOOK_S = 0.2
 MOST_FLIGHTS = 100
 
@@ -37,9 +38,14 @@ async def start_flight(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
         The address of its page, and its run directory.
 
     Raises:
-        SiteError: it has ended before its page was there.
+        SiteError: it has ended before its page was there, or was ended as the page did not come.
     """
-    run = _name_run(folder)
+    runs = folder / RUNS
+    try:
+        runs.mkdir(exist_ok=True)
+    except OSError as error:
+        raise SiteError(f"{runs}: cannot be made: {error.strerror}") from error
+    run = name_run(runs)
     words = [str(site), "--plan", str(plan), "--run", str(run), "--on-page"]
     log = run.with_suffix(".log")
     with log.open("wb") as file:
@@ -57,7 +63,19 @@ async def start_flight(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
             last = said[-1].removeprefix("faultline: ") if said else f"exit code {ended}"
             raise SiteError(f"the flight has not begun: {last}")
         await asyncio.sleep(LOOK_S)
-    raise SiteError(f"the flight's page is not there after {STARTS_S:g} s; see {log}")
+    # Nobody knows of it: it would hold the ports, and ask on a page that nobody sees. Nothing was confirmed yet.
+    await asyncio.to_thread(end_process, flight)
+    raise SiteError(f"the flight's page was not there after {STARTS_S:g} s, it was ended; see {log}")
+
+
+def end_process(process: subprocess.Popen[bytes]) -> None:
+    """End a process as Ctrl-C would, and at once if it does not."""
+    process.terminate()
+    try:
+        process.wait(ENDS_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 async def run_checklist(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
@@ -78,17 +96,6 @@ async def run_checklist(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
         last = wrong.decode(errors="replace").strip().rpartition("\n")[2].removeprefix("faultline: ")
         raise SiteError(last or command_line(*words)) from None
     return found
-
-
-def _name_run(folder: Path) -> Path:
-    runs = folder / RUNS
-    try:
-        runs.mkdir(exist_ok=True)
-    except OSError as error:
-        raise SiteError(f"{runs}: cannot be made: {error.strerror}") from error
-    begun = f"{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    names = (begun + end for end in ("", *(f"-{number}" for number in range(2, 100))))
-    return next(runs / name for name in names if not (runs / name).exists())
 
 
 def _name(folder: Path, run: Path) -> str:

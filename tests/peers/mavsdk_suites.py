@@ -134,24 +134,32 @@ async def set_return_height(at: Setting) -> None:
     assert 42.0 in {at.truth.parameters.get("RTL_RETURN_ALT"), at.truth.parameters.get("RTL_ALT", 0.0) / 100}
 
 
+def name_int(at: Setting) -> str:
+    return "COM_DL_LOSS_T" if at.px4 else "RTL_ALT"
+
+
+def name_float(at: Setting) -> str:
+    return "RTL_RETURN_ALT" if at.px4 else "FS_GCS_TIMEOUT"
+
+
 async def read_int(at: Setting) -> None:
-    name = "COM_DL_LOSS_T" if at.px4 else "RTL_ALT"
+    name = name_int(at)
     assert await ParamAsync(at.system).get_param_int(name) == at.truth.parameters[name]
 
 
 async def set_int(at: Setting) -> None:
-    name = "COM_DL_LOSS_T" if at.px4 else "RTL_ALT"
+    name = name_int(at)
     await ParamAsync(at.system).set_param_int(name, 17)
     assert at.truth.parameters[name] == 17
 
 
 async def read_float(at: Setting) -> None:
-    name = "RTL_RETURN_ALT" if at.px4 else "FS_GCS_TIMEOUT"
+    name = name_float(at)
     assert await ParamAsync(at.system).get_param_float(name) == at.truth.parameters[name]
 
 
 async def set_float(at: Setting) -> None:
-    name = "RTL_RETURN_ALT" if at.px4 else "FS_GCS_TIMEOUT"
+    name = name_float(at)
     await ParamAsync(at.system).set_param_float(name, 33.5)
     assert at.truth.parameters[name] == 33.5
 

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.errors import SiteError
+from executor.plan_page import flights
 from executor.plan_page.flights import find_run, list_flights, run_checklist, start_flight
 from tests.executor.plan_page.opened import make_demo_site
 
@@ -38,6 +41,20 @@ def test_only_a_flight_of_the_folder_is_found(tmp_path: Path, name: str) -> None
     assert find_run(tmp_path, "runs/20260101-080000") == tmp_path / "runs" / "20260101-080000"
     with pytest.raises(SiteError, match="run: expected a flight of"):
         find_run(tmp_path, name)
+
+
+def test_a_flight_whose_page_does_not_come_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    started, really_start = list[subprocess.Popen[bytes]](), subprocess.Popen
+
+    def start(*words: Any, **more: Any) -> subprocess.Popen[bytes]:
+        started.append(really_start(*words, **more))
+        return started[-1]
+
+    monkeypatch.setattr(flights, "STARTS_S", 0.0)
+    monkeypatch.setattr(subprocess, "Popen", start)
+    with pytest.raises(SiteError, match="the flight's page was not there after 0 s, it was ended; see "):
+        asyncio.run(start_flight(tmp_path, make_demo_site(tmp_path), tmp_path / "plan.json"))
+    assert started[0].poll() is not None
 
 
 def test_a_flight_that_does_not_begin_says_why(tmp_path: Path) -> None:
