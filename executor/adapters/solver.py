@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from ctypes import c_longlong
 from dataclasses import dataclass, replace
-from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import ParamSpec, Self, TypeVar
+from typing import Self
 
 import planner
-from executor.adapters.interrupts import defer_ctrl_c, end_processes, end_with_parent
+from executor.adapters.interrupts import end_with_parent
+from executor.adapters.one_worker import SPAWNED, OneWorker
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import Gain, NewRoute, SolveEnded
 from missions import Pricing, Task, build_open_task
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 GIVE_UP_S = 10.0
 """Real seconds beyond its deadline after which a solver that says nothing is taken for dead."""
@@ -213,14 +208,11 @@ class SolverProcess:
         """
         self._setup = setup
         self._tell = tell
-        self._context = multiprocessing.get_context("spawn")
         # Without locks: a worker that is killed while it holds one would keep it, and the flight would wait for it.
-        self._cancelled: c_longlong = self._context.RawValue("q", -1)
-        self._wanted: c_longlong = self._context.RawValue("q", 0)
+        self._cancelled: c_longlong = SPAWNED.RawValue("q", -1)
+        self._wanted: c_longlong = SPAWNED.RawValue("q", 0)
         """How many re-plans are asked for: a judgement gives way to them."""
-        self._workers: set[BaseProcess] = set()
-        """Those of the present pool."""
-        self._pool: ProcessPoolExecutor | None = None
+        self._worker = OneWorker(_prepare, setup, self._cancelled, self._wanted)
         self._warm = False
         """Whether the worker has answered; one that was made anew must load the kernels first."""
 
@@ -234,8 +226,7 @@ class SolverProcess:
     ) -> None:
         """End the worker, and see that it has ended: what hangs is killed."""
         self._cancelled.value = 2**62
-        workers = self._release_workers()
-        if await asyncio.to_thread(end_processes, workers):
+        if await asyncio.to_thread(self._worker.end):
             self._tell("the solver did not end when it was told to, and was killed")
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
@@ -246,12 +237,12 @@ class SolverProcess:
                 async with asyncio.timeout(START_S):
                     await self._warm_up()
             async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
-                return await asyncio.wrap_future(self._submit(_solve_in_worker, problem, pricing))
+                return await asyncio.wrap_future(self._worker.submit(_solve_in_worker, problem, pricing))
         except BrokenProcessPool:
-            self._kill_workers()
+            self._kill_worker()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver's process died")
         except TimeoutError:
-            self._kill_workers()
+            self._kill_worker()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver did not answer")
         finally:
             self._wanted.value -= 1
@@ -262,7 +253,7 @@ class SolverProcess:
             return None
         try:
             async with asyncio.timeout(JUDGE_S + GIVE_UP_S):
-                ended = await asyncio.wrap_future(self._submit(_solve_in_worker, problem, pricing, judging=True))
+                ended = await asyncio.wrap_future(self._worker.submit(_solve_in_worker, problem, pricing, judging=True))
         except (BrokenProcessPool, TimeoutError):
             return None  # the next re-plan finds out, and makes the worker anew
         return None if ended.routes is None else ended.uncovered
@@ -273,36 +264,13 @@ class SolverProcess:
 
     async def _warm_up(self) -> None:
         """Wait until the worker has loaded everything; compiling may take as long as it takes."""
-        ready = self._submit(_is_ready)
+        ready = self._worker.submit(_is_ready)
         # A worker on its way takes what is shared from here: it must be there until then, whoever gives up before.
         ready.add_done_callback(lambda _: self._cancelled)
         await asyncio.wrap_future(ready)
         self._warm = True
 
-    def _submit(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
-        with defer_ctrl_c():  # the first task of a pool starts its process
-            before = set(multiprocessing.active_children())
-            submitted = self._ensure_pool().submit(work, *arguments, **named)
-            self._workers |= set(multiprocessing.active_children()) - before
-            return submitted
-
-    def _ensure_pool(self) -> ProcessPoolExecutor:
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                1, mp_context=self._context, initializer=_prepare, initargs=(self._setup, self._cancelled, self._wanted)
-            )
-        return self._pool
-
-    def _release_workers(self) -> set[BaseProcess]:
-        """Have the next problem solved by a new worker; returns those there were, which end when they have time."""
-        workers, self._workers = self._workers, set()
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
-            self._warm = False
-        return workers
-
-    def _kill_workers(self) -> None:
-        """End a worker that is of no use any more, at once: it may hang, and would keep the program from ending."""
-        for worker in self._release_workers():
-            worker.kill()
+    def _kill_worker(self) -> None:
+        """End a worker that is of no use any more; the next problem is solved by another."""
+        self._worker.kill()
+        self._warm = False

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import ctypes
-import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing.process import BaseProcess
 from typing import ParamSpec, TypeVar
 
-from executor.adapters.interrupts import defer_ctrl_c, end_processes, end_with_parent
+from executor.adapters.interrupts import end_with_parent
+from executor.adapters.one_worker import SPAWNED, OneWorker
 from executor.errors import ExecutorError
 from planner import Progress
 
@@ -64,11 +62,9 @@ class Worker:
     def __init__(self, name: str) -> None:
         """Name it, for messages."""
         self._name = name
-        self._context = multiprocessing.get_context("spawn")
         # Without a lock: a worker that is killed while it holds one would keep it.
-        self._shared = self._context.RawArray("d", [-1.0, 0.0, 0.0, 0.0, -1.0])
-        self._pool: ProcessPoolExecutor | None = None
-        self._processes: set[BaseProcess] = set()
+        self._shared = SPAWNED.RawArray("d", [-1.0, 0.0, 0.0, 0.0, -1.0])
+        self._worker = OneWorker(_prepare, self._shared)
         self._closed = False
 
     @property
@@ -87,16 +83,8 @@ class Worker:
         Raises:
             ExecutorError: the process died; or as the work does.
         """
-        with defer_ctrl_c():  # the first task of a pool starts its process
-            before = set(multiprocessing.active_children())
-            if self._pool is None:
-                self._pool = ProcessPoolExecutor(
-                    1, mp_context=self._context, initializer=_prepare, initargs=(self._shared,)
-                )
-            asked = self._pool.submit(work, *words, **named)
-            self._processes |= set(multiprocessing.active_children()) - before
         try:
-            return await asyncio.wrap_future(asked)
+            return await asyncio.wrap_future(self._worker.submit(work, *words, **named))
         except BrokenProcessPool as error:
             if self._closed:
                 raise asyncio.CancelledError from error  # nobody waits any more
@@ -105,20 +93,10 @@ class Worker:
 
     def kill(self) -> None:
         """End the process at once; the next work starts another."""
-        self._release(cancel=False)  # what waits there is told that the process died
-        for process in self._processes:
-            process.kill()
-        self._processes = set()
+        self._worker.kill()
 
     def close(self) -> None:
         """End the process."""
         self._closed = True
         self.cancel(2**50)
-        self._release(cancel=True)
-        end_processes(self._processes)
-        self._processes = set()
-
-    def _release(self, *, cancel: bool) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=cancel)
-            self._pool = None
+        self._worker.end()

@@ -1,0 +1,55 @@
+"""A pool of one process that is known by name: it can be told to end, and killed where it hangs."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing.process import BaseProcess
+from typing import ParamSpec, TypeVar
+
+from executor.adapters.interrupts import defer_ctrl_c, end_processes
+
+P = ParamSpec("P")
+T = TypeVar("T")
+SPAWNED = multiprocessing.get_context("spawn")
+"""A process that has had threads, as the compiler's, must not be forked."""
+
+
+class OneWorker:
+    """One process, made when it is first asked, and anew after `release` or `kill`."""
+
+    def __init__(self, prepare: Callable[..., None], *shared: object) -> None:
+        """Say what the process calls first, with what it shares: nothing with a lock, which a killed one would keep."""
+        self._prepare, self._shared = prepare, shared
+        self._pool: ProcessPoolExecutor | None = None
+        self._processes: set[BaseProcess] = set()
+
+    def submit(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
+        """Hand over some work."""
+        with defer_ctrl_c():  # the first task of a pool starts its process
+            before = set(multiprocessing.active_children())
+            if self._pool is None:
+                self._pool = ProcessPoolExecutor(
+                    1, mp_context=SPAWNED, initializer=self._prepare, initargs=self._shared
+                )
+            submitted = self._pool.submit(work, *arguments, **named)
+            self._processes |= set(multiprocessing.active_children()) - before
+            return submitted
+
+    def kill(self) -> None:
+        """End the process at once: it may hang, and would keep the program from ending. What waits there is told."""
+        for process in self._release(cancel=False):
+            process.kill()
+
+    def end(self) -> int:
+        """End the process, as politely as it allows, and wait for that; returns how many had to be killed."""
+        return end_processes(self._release(cancel=True))
+
+    def _release(self, *, cancel: bool) -> set[BaseProcess]:
+        """Have the next work done by a new process; returns those there were, which end when they have time."""
+        processes, self._processes = self._processes, set()
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=cancel)
+            self._pool = None
+        return processes
