@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-FITS_S = 360.0
+FITS_S = 480.0
 """Seconds of all tests together that `./scripts/test` may take, on all its workers: two of them take half of it."""
 ROOT = Path(__file__).parents[1]
 KEPT = {
