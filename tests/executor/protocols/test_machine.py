@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import fields, replace
 
@@ -46,8 +47,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "furthest": -1,
                 "counted_s": 0.0,
                 "under_way": (),
-                "ahead": 16,
+                "ahead": mission_transfer.MOST_AHEAD,
                 "room": 8,
+                "shortest_s": math.inf,
                 "highest": -1,
                 "repeats": 0,
                 "early": False,
