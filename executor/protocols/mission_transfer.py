@@ -49,14 +49,14 @@ Sent = tuple[messages.Outgoing, ...]
 LEAST_PERIOD_S = 0.25
 """An item is not repeated sooner without having been asked for: the vehicle, or this computer, may be busy."""
 LAST_ITEM_PERIOD_S = 1.0
-MOST_AHEAD = 28
-"""Items under way: with signatures what the buffer of a telemetry radio holds, 1,850 bytes."""
+MOST_AHEAD = 24
+"""Items under way: with signatures four fifths of what the buffer of a telemetry radio holds, 1,850 bytes."""
 MOST_QUESTIONS = 16
 """Half of that: streams come down beside the answers."""
-FIRST_AHEAD, AGAIN_AHEAD, LEAST_AHEAD, GROWTH = 8, 4, 2, 0.5
-QUEUE_S, QUEUE_SHARE = 0.4, 0.8
-"""More are sent ahead as long as they do not wait longer than this in the radio, or this share of the shortest round
-trip of the transfer: heartbeats and orders wait behind them (RFC 6817)."""
+FIRST_AHEAD = 8
+AGAIN_AHEAD, AGAIN_HZ, GROWTH = 4, 6.0, 0.5
+"""From an item on that got lost so many go out, or so many for each second of the round trip, and so many more with every
+answer from then on: where one is lost others will be, and what is behind them has to be sent again."""
 AHEAD_TRIP_S = 0.03
 """A link that answers sooner needs none of that."""
 
@@ -110,8 +110,8 @@ class UploadDialogue(DialogueMachine):
     """How many may be under way at most."""
     room: float = FIRST_AHEAD
     """How many may be now."""
-    shortest_s: float = inf
-    """The shortest round trip of this transfer."""
+    is_lossy: bool = False
+    """Whether an item got lost."""
     highest: int = -1
     """The highest item that was ever sent."""
     repeats: int = 0
@@ -153,7 +153,7 @@ class UploadDialogue(DialogueMachine):
         """
         fresh = replace(
             self, moved=True, is_touched=self.is_begun, counts_sent=0, counted_s=now_s, heard_s=now_s, furthest=-1,
-            under_way=(), room=FIRST_AHEAD, shortest_s=inf, highest=-1, repeats=0, refusal=None, early=False,
+            under_way=(), room=FIRST_AHEAD, highest=-1, repeats=0, refusal=None, early=False,
         )  # fmt: skip
         return _announce_items(fresh, now_s)
 
@@ -209,17 +209,13 @@ class UploadDialogue(DialogueMachine):
             return _send_items(replace(state, furthest=seq), (), seq, now_s, int(self.room))
         come = [one for one in self.under_way if one.seq < seq]  # it has all that stands before what it asks for
         left = tuple(one for one in self.under_way if one.seq >= seq)
-        trip, took_s = self.round_trip, None
+        trip = self.round_trip
         if come:
             trip = _record_answer(trip, come[-1], now_s)
-            took_s = now_s - come[-1].at_s if come[-1].first_s is None else None
         elif not self._is_asked and self.counts_sent == 1:
-            took_s = now_s - self.counted_s
-            trip = trip.record_round_trip(took_s)
-        shortest_s = self.shortest_s if took_s is None else min(self.shortest_s, took_s)
-        grows = took_s is None or took_s - shortest_s <= max(QUEUE_S, QUEUE_SHARE * shortest_s)
-        room = min(self.ahead, self.room + GROWTH * len(come)) if grows else max(LEAST_AHEAD, self.room - 1)
-        state = replace(state, furthest=seq, round_trip=trip, room=room, shortest_s=shortest_s)
+            trip = trip.record_round_trip(now_s - self.counted_s)
+        room = min(self.ahead, self.room + (GROWTH if self.is_lossy else 1.0) * len(come))
+        state = replace(state, furthest=seq, round_trip=trip, room=room)
         return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, int(room) - len(left))
 
     @property
@@ -254,7 +250,8 @@ def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     first = state.under_way[0] if state.under_way else None
     if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
         return _wait_for_answer(state, now_s), ()
-    state = replace(state, room=min(state.room, AGAIN_AHEAD))
+    again = max(AGAIN_AHEAD, AGAIN_HZ * (state.round_trip.mean_s or 0.0))
+    state = replace(state, room=min(state.room, again), is_lossy=True)
     return _send_items(state, (), state.furthest, now_s, int(state.room))
 
 

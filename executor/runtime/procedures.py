@@ -167,7 +167,8 @@ async def _upload_as_needed(
     """Upload once: the new part alone, as a file, to a vehicle that takes it so; everything else item by item."""
     if dialect.takes_mission_file and need.alike > 0 and need.on_board <= len(items):
         first, number = min(need.alike, len(items) - 1), next(_FILE_NUMBERS) & 0xFFFF
-        file = await dialogue.run_dialogue(MissionFileUpload(items, first, number), link, clock)
+        lossy = channel_of(link).is_lossy
+        file = await dialogue.run_dialogue(MissionFileUpload(items, first, number, is_lossy=lossy), link, clock)
         if file.is_open:
             return file
     return await upload_once(link, clock, dialect, items, kind)

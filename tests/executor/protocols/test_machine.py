@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import fields, replace
 
@@ -49,7 +48,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "under_way": (),
                 "ahead": mission_transfer.MOST_AHEAD,
                 "room": 8,
-                "shortest_s": math.inf,
+                "is_lossy": False,
                 "highest": -1,
                 "repeats": 0,
                 "early": False,
