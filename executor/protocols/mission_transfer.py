@@ -4,9 +4,9 @@ In an upload the vehicle drives: it asks for each item, and asks again for what 
 repeat only MISSION_COUNT, and never after it, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp).
 From then on items go out ahead of the requests, as many as the link takes: both autopilots take an item that comes in
 its turn, asked for or not (MissionItemProtocol.cpp, mavlink_mission.cpp), so that a mission costs a few round trips and
-not one for each item. What comes out of turn ArduPilot answers with a warning, and PX4 passes over: what was sent behind
-a lost item is sent again with it. The last item is repeated when the final acknowledgement stays away: PX4 acknowledges
-it again, and ArduPilot calls it an error.
+not one for each item. What comes out of turn ArduPilot answers with a warning, and PX4 passes over: what was sent
+behind a lost item is sent again with it. The last item is repeated when the final acknowledgement stays away: PX4
+acknowledges it again, and ArduPilot calls it an error.
 
 PX4 asks again every 0.25 s, whatever the link. What it asked before our answer can have reached it is not answered
 twice: over a radio that is slower than that, every item would go out many times over, and feed the jam that it is in.
@@ -55,8 +55,8 @@ MOST_QUESTIONS = 16
 """Half of that: streams come down beside the answers."""
 FIRST_AHEAD = 8
 AGAIN_AHEAD, AGAIN_HZ, GROWTH = 4, 6.0, 0.5
-"""From an item on that got lost so many go out, or so many for each second of the round trip, and so many more with every
-answer from then on: where one is lost others will be, and what is behind them has to be sent again."""
+"""From an item on that got lost so many go out, or so many for each second of the round trip, and so many more with
+every answer from then on: where one is lost others will be, and what is behind them has to be sent again."""
 AHEAD_TRIP_S = 0.03
 """A link that answers sooner needs none of that."""
 
