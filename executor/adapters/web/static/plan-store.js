@@ -3,6 +3,7 @@
 import { persist, Refusal, server, Unanswered } from "./plan-api.js";
 import { say } from "./plan-texts.js";
 import { momentOf } from "./plan-track.js";
+import { clock } from "./words.js";
 
 /** @import { Edit, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, Path, PlanDocument, PlannedVehicle, Problem, Schema, Workspace } from "../plan.js" */
 
@@ -108,6 +109,11 @@ export class Store {
     return this.shown?.summary.kind === "day";
   }
 
+  /** Whether the plan can be changed by hand: days are planned as a whole. */
+  get mayChange() {
+    return this.shown !== null && !this.isDay;
+  }
+
   /** @param {number} segment */
   nameOf(segment) {
     return this.network?.segments.find((one) => one.id === segment)?.name ?? `${segment}`;
@@ -168,8 +174,7 @@ export class Store {
     const wanted = [];
     const isOther = !before || next.revision !== before.revision || next.checked !== before.checked;
     if (isOther) wanted.push(this.fetchGround());
-    // What is out of reach depends on nearly everything in the file.
-    if (isOther || digest !== (this.network?.digest ?? null)) wanted.push(this.fetchNetwork(digest));
+    if (digest !== (this.network?.digest ?? null)) wanted.push(this.fetchNetwork(digest));
     const summary = (/** @type {Workspace | null} */ of, /** @type {string | null} */ id) => ({ ...of?.plans.find((one) => one.id === id), stale: null });
     if (next.chosen !== (this.plan?.summary.id ?? null) || !same(summary(before, next.chosen), summary(next, next.chosen))) {
       wanted.push(this.fetchPlan(next.chosen));
@@ -243,6 +248,17 @@ export class Store {
   get endS() {
     const ends = this.vehicles.flatMap((one) => one.routes.map((route) => route.start_s + route.duration_s));
     return Math.max(this.beginS + 1, ...ends);
+  }
+
+  /**
+   * A time of the plan in words: from its begin, of days by the clock.
+   * @param {number} timeS
+   */
+  wordOf(timeS) {
+    if (!this.isDay && this.beginS < 3600) return `T+${clock(timeS)}`;
+    const day = Math.floor(timeS / 86400);
+    const time = `${String(Math.floor(timeS / 3600) % 24).padStart(2, "0")}:${String(Math.floor(timeS / 60) % 60).padStart(2, "0")}`;
+    return this.endS > 86400 ? say("times.day", { day: day + 1, time }) : time;
   }
 
   /**
