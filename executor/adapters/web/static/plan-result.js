@@ -223,8 +223,9 @@ export class Result {
     const answer = await this.store.ask(() => server.lose(plan.summary.id, vehicle, timeS));
     if (!answer) return;
     this.store.loss = { ...answer, vehicle, at_s: timeS };
-    performance.measure("loss", { start: began });
     this.store.changed("loss");
+    // What was asked for is seen with the frame after the next one's begin.
+    requestAnimationFrame(() => requestAnimationFrame(() => performance.measure("loss", { start: began })));
   }
 
   /** @param {Change[]} changes */
