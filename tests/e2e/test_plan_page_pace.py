@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import math
 import random
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -59,6 +58,7 @@ async def test_a_loss_of_eighty_segments_is_drawn_within_the_frames_of_half_a_se
 
 def write_lines(path: Path, lines: int, spans: int) -> None:
     """Write lines of spans that cross each other."""
+    path.parent.mkdir()
     drawn, marks = random.Random(7), []
     for line in range(lines):
         east_m, north_m, way = drawn.uniform(-3e4, 3e4), drawn.uniform(-3e4, 3e4), drawn.uniform(0.0, 2.0 * math.pi)
@@ -73,21 +73,21 @@ def write_lines(path: Path, lines: int, spans: int) -> None:
 
 async def first_picture_s(folder: Path, lines: int, spans: int) -> float:
     """Return the seconds from the start of the command to a network that is drawn."""
-    folder.mkdir()
     write_lines(folder / "line.kml", lines, spans)
-    command = [sys.executable, "-m", "executor", "open", "line.kml", "--no-browser"]
+    command = (sys.executable, "-m", "executor", "open", "line.kml", "--no-browser")
     began_s = time.monotonic()
-    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
+    process = await asyncio.create_subprocess_exec(*command, cwd=folder, stdout=asyncio.subprocess.PIPE)
     try:
-        said = await asyncio.to_thread(lambda: next(line for line in process.stdout or () if line.startswith("page: ")))
-        address = said.split()[1]
-        async with browsing(address, patience_ms=PATIENCE_MS) as page:
+        assert process.stdout is not None
+        while not (said := (await process.stdout.readline()).decode()).startswith("page: "):
+            assert said
+        async with browsing(said.split()[1], patience_ms=PATIENCE_MS) as page:
             await ready(page)
             await page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
             return time.monotonic() - began_s
     finally:
         process.terminate()
-        process.wait()
+        await process.wait()
 
 
 async def test_ten_thousand_spans_are_seen_at_most_twice_as_late_as_ten_after_a_cold_start(tmp_path: Path) -> None:
