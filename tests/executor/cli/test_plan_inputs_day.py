@@ -126,7 +126,6 @@ def test_every_command_takes_a_day_or_says_in_one_line_that_it_takes_a_flight(pl
     for command in (
         ("window", "day.json", "--picture", "day.png"),
         ("replan", "day.json", "--lost", "uav1", "--at", 60, "--seconds", 1),
-        ("replan", "day.json", "--lost", "uav9", "--at", 60),
         ("export", "day.json", "-o", "out"),
         ("risk", "day.json", "--mtbf", 5),
     ):

@@ -39,6 +39,11 @@ export class Store {
     this.workspace = null;
     /** @type {NetworkDocument | null} */
     this.network = null;
+    /**
+     * Of its segments, by their numbers.
+     * @type {Map<number, string>}
+     */
+    this.segmentNames = new Map();
     /** @type {GroundPlaces | null} */
     this.ground = null;
     /** @type {PlanDocument | null} */
@@ -116,7 +121,7 @@ export class Store {
 
   /** @param {number} segment */
   nameOf(segment) {
-    return this.network?.segments.find((one) => one.id === segment)?.name ?? `${segment}`;
+    return this.segmentNames.get(segment) ?? `${segment}`;
   }
 
   async begin() {
@@ -195,6 +200,7 @@ export class Store {
 
   /** @param {string | null} digest */
   async fetchNetwork(digest) {
+    const before = this.network?.source;
     try {
       this.network = digest === null ? null : await server.network(digest);
     } catch (error) {
@@ -202,8 +208,10 @@ export class Store {
       else if (error instanceof Refusal) this.tell(error.message, "failed");
       this.network = null;
     }
-    const known = new Set(this.network?.segments.map((one) => one.id));
-    this.selection = new Set([...this.selection].filter((one) => known.has(one)));
+    this.segmentNames = new Map(this.network?.segments.map((one) => [one.id, one.name]));
+    // Of another file the same numbers are other segments.
+    const isSame = this.network?.source === before;
+    this.selection = new Set([...this.selection].filter((one) => isSame && this.segmentNames.has(one)));
     this.changed("network", "selection");
   }
 
