@@ -89,8 +89,8 @@ class LossBody(Body):
     """A loss to think of."""
 
     vehicle: Annotated[str, Field(max_length=32)]
-    at_s: Annotated[float, Field(ge=0, le=1e6)]
-    """From the start of the plan."""
+    at_s: Annotated[float, Field(ge=0, le=1e7)]
+    """From the start of the plan; of days from the first midnight."""
 
 
 class ChangesBody(Body):
