@@ -21,7 +21,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Item
 
 from executor.errors import SiteError
-from missions import NESTED
+from executor.site.site_file import parse_toml
 
 Path: TypeAlias = tuple[str | int, ...]
 """Keys, and numbers in lists, from the whole file down."""
@@ -75,20 +75,6 @@ def format_path(path: Sequence[str | int]) -> str:
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".") or "content"
 
 
-def read_values(text: str) -> dict[str, Any]:
-    """Return what a site file says.
-
-    Raises:
-        SiteError: it is not TOML.
-    """
-    try:
-        return tomllib.loads(text)
-    except ValueError as error:  # beside TOMLDecodeError: whole numbers of thousands of digits
-        raise SiteError(f"not TOML: {error}") from error
-    except RecursionError:
-        raise SiteError(f"not TOML: {NESTED}") from None
-
-
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
     """Return a site file after some edits.
 
@@ -96,14 +82,14 @@ def apply_edits(text: str, edits: Iterable[Edit]) -> str:
         SiteError: it is not TOML.
         EditRefused: an edit cannot be done; then none is.
     """
-    values = read_values(text)
+    values = parse_toml(text)
     for edit in edits:
         wanted = _edit_values(values, edit)
         if edit.op == "unset" and wanted == values:
             continue
         try:
             text = _edit_text(text, edit)
-            values = read_values(text)
+            values = parse_toml(text)
         except (TOMLKitError, SiteError, ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
             raise EditRefused(edit.path, f"cannot be written to this file: {error}") from error
         if values != wanted and (edit.op in {"set", "add"} or _prune(values) != _prune(wanted)):

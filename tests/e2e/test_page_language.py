@@ -1,4 +1,4 @@
-"""The page of a flight in German: every line of the catalogue comes out as it stands there, and the page has room for it."""
+"""The page of a flight in German: every line of the catalogue comes out as it stands there, and fits on the page."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ async def test_every_line_of_the_catalogue_is_recognised_with_its_values() -> No
             "uav1: gelandet mit 40 % abseits seines Startplatzes, 49.59841, -15.60000 (GPS, 3 m)",
         ),
         (
-            "re-plan 2: 5 segments (uav2: link lost for 12.3 s, time-out 8 s); planning for uav1 and uav3",
-            "Umplanung 2: 5 Spannfelder (uav2: Verbindung seit 12,3 s verloren, Frist 8 s); geplant wird für uav1 und uav3",
+            "re-plan 2: 5 segments (uav2: link lost for 12.3 s, time-out 8 s); planning for a and b",
+            "Umplanung 2: 5 Spannfelder (uav2: Verbindung seit 12,3 s verloren, Frist 8 s); geplant wird für a und b",
         ),
         ("uav1 says: PreArm: no position", "uav1 sagt: PreArm: no position"),
         ("expected less than or equal to 15, got 20", "erwartet: höchstens 15, ist: 20"),

@@ -14,7 +14,18 @@ from executor.core.interface.commands import CrewLine
 from tests.test_architecture import ROOT
 
 LINES = sorted((ROOT / "executor/core/lines").glob("[a-z]*.py"))
-SILENT = {"compile", "Field", "Option", "encode", "removeprefix", "startswith", "endswith", "split", "partition", "format_count"}
+SILENT = {
+    "compile",
+    "Field",
+    "Option",
+    "encode",
+    "removeprefix",
+    "startswith",
+    "endswith",
+    "split",
+    "partition",
+    "format_count",
+}
 """Calls whose texts nobody reads."""
 HAS_WORDS = re.compile(r"[a-zA-Z]{2}")
 

@@ -52,8 +52,8 @@ PYDANTIC = (
 )  # fmt: skip
 """What a check of the site file says in pydantic's own words."""
 FLIGHT_PAGE = (
-    "assets.js", "briefing.js", "chart.js", "freshness.js", "ground.js", "intents.js", "offers.js", "page.js", "strips.js",
-    "words.js",
+    "assets.js", "briefing.js", "chart.js", "freshness.js", "ground.js", "intents.js", "offers.js", "page.js",
+    "strips.js", "words.js",
 )  # fmt: skip
 SAY = re.compile(r'\b(?:say|sayCount)\(((?:[^()"]|"[^"]*"|\([^()]*\))*)')
 TEXT = re.compile(r'"([^"]*[A-Za-z][^"]*)"')
@@ -147,7 +147,7 @@ def test_no_words_are_left_that_nobody_says(language: str) -> None:
     sources = "\n".join(path.read_text(encoding="utf-8") for path in modules("executor") + modules("missions"))
     idle = [
         text for text in catalogue(f"lines-{language}.json")
-        if text not in said() and text not in set(pydantic_words()) 
+        if text not in said() and text not in set(pydantic_words())
         and f'"{text}"' not in sources and f"'{text}'" not in sources
     ]  # fmt: skip
     assert idle == []
@@ -170,4 +170,6 @@ def test_the_page_of_a_flight_has_its_words_in_every_language(language: str) -> 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_words_of_both_catalogues_mean_the_same(language: str) -> None:
     page, lines = catalogue(f"page-{language}.json"), catalogue(f"lines-{language}.json")
-    assert {words: (page[words], lines[words]) for words in page.keys() & lines.keys() if page[words] != lines[words]} == {}
+    assert {
+        words: (page[words], lines[words]) for words in page.keys() & lines.keys() if page[words] != lines[words]
+    } == {}
