@@ -2,7 +2,7 @@
 // line in another language, beside the English words with `{names}` that the program makes the line of.
 import { all, element } from "./elements.js";
 
-/** @typedef {{ weight: number, literal: string, pattern: RegExp, holes: Hole[], text: string }} Line */
+/** @typedef {{ weight: number, isWeak: boolean, literal: string, pattern: RegExp, holes: Hole[], text: string }} Line */
 /** @typedef {{ name: string, isFigure?: boolean, isTheirs?: boolean }} Hole */
 
 export const LANGUAGES = ["en", "de"];
@@ -10,9 +10,9 @@ export const LANGUAGES = ["en", "de"];
 const OWN_NAMES = { en: "English", de: "Deutsch" };
 const HOLE = /\{(\w*)(?:!\w)?(?::([^}]*))?\}/;
 const FIGURE = "(-?[\\d.]+(?:e[-+]?\\d+)?|-?inf|nan)";
-// With fewer letters than this a line says too little: then each value in it has to be one word, and nothing stands
-// before it.
-const LEAST_LETTERS = 4;
+// With fewer letters than this a line says too little: then each value in it has to be one word, or known, and nothing
+// stands before it.
+const LEAST_LETTERS = 5;
 // Figures with so many decimals are places: they are read out, and typed in, with a point.
 const PLACE = /\.\d{4,}$/;
 // What vehicles and other programs say is theirs.
@@ -88,19 +88,19 @@ function readLine(words, text) {
   const parts = words.split(new RegExp(HOLE, "g"));
   const literals = parts.filter((_, index) => index % 3 === 0);
   const weight = literals.join("").replace(/[^a-z]/gi, "").length;
-  const isWeak = weight < LEAST_LETTERS && !/^[,;:]/.test(words);
+  const isWeak = weight < LEAST_LETTERS && !/^[,;:]|says:/.test(words);
   let pattern = "";
   for (const [index, literal] of literals.entries()) {
     pattern += literal.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
     if (index === literals.length - 1) break;
     const isFigure = /[dfg]$/.test(parts[3 * index + 2] ?? "");
     holes.push({ name: parts[3 * index + 1], isFigure, isTheirs: THEIRS.test(literal) });
-    pattern += isFigure ? FIGURE : isWeak ? "(\\S*?)" : "(.*?)";
+    pattern += isFigure ? FIGURE : "(.*?)";
   }
   const isBehind = isEnd(words) && !isWeak;
   if (isBehind) holes.unshift({ name: "" });
   const literal = literals.reduce((longest, one) => (one.length > longest.length ? one : longest), "");
-  return { weight, literal, pattern: new RegExp(`^${isBehind ? "(.*)" : ""}${pattern}$`, "s"), holes, text: isBehind ? `{}${text}` : text };
+  return { weight, isWeak, literal, pattern: new RegExp(`^${isBehind ? "(.*)" : ""}${pattern}$`, "s"), holes, text: isBehind ? `{}${text}` : text };
 }
 
 /**
@@ -130,7 +130,8 @@ function known(text) {
       const value = found[index + 1];
       return [name, isFigure ? writeFigure(value) : isTheirs ? value : translate(value)];
     }));
-    return fillIn(line.text, (name) => values.get(name) ?? "");
+    const isSure = !line.isWeak || found.slice(1).every((value) => !value.includes(" ") || translate(value) !== value);
+    if (isSure) return fillIn(line.text, (name) => values.get(name) ?? "");
   }
   return null;
 }
