@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from executor.core.context import Context, VehicleSetup
+from executor.core.formatting import format_count
 from executor.core.interface.codes import Check
 from executor.core.interface.messages import ParamValue
 from executor.core.lines import checklist
@@ -164,7 +165,7 @@ class KeptList(BoardChange[Items]):
     @property
     def words(self) -> str:
         """What is restored, for the crew to confirm."""
-        items = f"{len(self.old)} item{'s' if len(self.old) != 1 else ''}" if self.old else "none"
+        items = format_count(len(self.old), "item") if self.old else "none"
         return f"{self.vehicle}: {self.words_open} -> {items}, as before the flight"
 
     @property

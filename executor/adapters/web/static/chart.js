@@ -1,12 +1,13 @@
 // The map of a flight: what the state says of the line, the routes and the vehicles, as the map takes it.
 import { byId } from "./elements.js";
 import { FleetMap, hueOf } from "./map.js";
+import { say } from "./translation.js";
 
 /** @import { PageChart, PageVehicle, Place, State, Vehicle } from "../documents.js" */
 /** @import { MapRoute, MapVehicle, SegmentState } from "./map-content.js" */
 
 /** @type {Record<string, string>} */
-const STATES = { pilot: ": with its pilot", down: ": keep away", lost: ": lost" };
+const STATES = { pilot: "with its pilot", down: "keep away", lost: "lost" };
 const TOLD = new Set(["flying", "holding", "starting", "returning", "landing", "pilot", "down"]);
 const AHEAD = new Set(["flying", "holding", "starting", "pilot"]);
 const STEP_M = 3;
@@ -19,7 +20,7 @@ export class Chart {
    */
   constructor(choose, pointed, touched) {
     this.map = new FleetMap(byId("map"), {
-      name: "Map of the line, the routes and the vehicles",
+      name: say("Map of the line, the routes and the vehicles"),
       isMetres: true,
       onPoint: pointed,
       onChoose: (choice) => (choice?.kind === "vehicle" ? choose(choice.id) : touched(choice?.kind === "segment" ? choice.id : null)),
@@ -113,7 +114,7 @@ export class Chart {
     return {
       name, place, heading_deg: position?.heading_deg ?? null, colour: hueOf(index), state, isChosen: this.chosen === name, isStale: vehicle.stale,
       isFaulty: vehicle.fault !== null, isOutside: vehicle.loss?.inside_window === false,
-      label: isTold ? `${name}${STATES[state] ?? ` L${vehicle.layer + 1}${height}`}` : "",
+      label: isTold ? `${name}${STATES[state] ? `: ${say(STATES[state])}` : ` L${vehicle.layer + 1}${height}`}` : "",
     };
   }
 }
