@@ -10,13 +10,14 @@ from types import NoneType, UnionType
 from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
 
 from executor.adapters.web.snapshot import BesideFleet, BesideVehicle, PageAssets, PageChart
+from executor.analysis.report_map import ReportMap
 from executor.core.fleet_view import FleetView
 from executor.site.ground_view import GroundDocument
 from executor.site.site_schema import read_docstrings
 
 TYPES = "../executor/adapters/web/documents.d.ts"
 """Beside what makes the documents."""
-DOCUMENTS = (FleetView, BesideFleet, BesideVehicle, PageChart, PageAssets, GroundDocument)
+DOCUMENTS = (FleetView, BesideFleet, BesideVehicle, PageChart, PageAssets, GroundDocument, ReportMap)
 PLAIN: dict[object, str] = {NoneType: "null", bool: "boolean", int: "number", float: "number", str: "string"}
 HEAD = """\
 // Made by ./scripts/reference from the program's documents (DOCUMENTS in scripts/pages/page_types.py).

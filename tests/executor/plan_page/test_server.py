@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from executor.adapters.web.guard import cookie_name_for
@@ -282,17 +283,25 @@ def test_without_the_token_nothing_is_shown(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_report_is_shown_without_scripts_and_under_rules_of_its_own(demo: Opened) -> None:
+def test_a_report_is_shown_under_rules_of_its_own(demo: Opened) -> None:
     run = demo.root / "runs" / "20260101-080000"
     run.mkdir(parents=True)
     (run / "events.jsonl").touch()
-    assert demo.client.get("/api/report", params={"run": "runs/20260101-080000"}).status_code == 404
-    (run / "report.html").write_text("<style>p {}</style><p>flown</p>")
-    answer = demo.client.get("/api/report", params={"run": "runs/20260101-080000"})
-    assert answer.text.endswith("<p>flown</p>")
-    assert "script-src" not in answer.headers["content-security-policy"]
-    assert "default-src 'none'; style-src 'unsafe-inline'" in answer.headers["content-security-policy"]
+
+    def fetch() -> httpx.Response:
+        return demo.client.get("/api/report", params={"run": "runs/20260101-080000"})
+
+    assert fetch().status_code == 404
+    (run / "report.html").write_text("<style>p {}</style><p>flown</p><script>fetch('/api/undo')</script>")
+    answer = fetch()
+    assert "<p>flown</p>" in answer.text
+    policy = answer.headers["content-security-policy"]
+    assert "script-src" not in policy
+    assert policy.startswith("sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'")
     assert answer.headers["x-content-type-options"] == "nosniff"
+    digest = f"sha256-{'A' * 43}="
+    (run / "report.html").write_text(f"<meta content=\"default-src 'none'; script-src '{digest}'\"><p>flown</p>")
+    assert fetch().headers["content-security-policy"] == f"{policy}; script-src '{digest}'"
     assert "script-src 'self'" in demo.client.get("/api/workspace").headers["content-security-policy"]
     assert demo.client.get("/api/report", params={"run": "../runs"}).status_code == 422
 
