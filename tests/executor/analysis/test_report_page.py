@@ -20,7 +20,7 @@ from executor.analysis.report_page import describe_outcome, render_report_page, 
 from executor.core.interface.commands import Level
 from tests.executor.flights import short_report, write_run
 
-EMPTY = {"meta", "img", "line"}
+EMPTY = {"meta", "img"}
 """Elements without an end tag."""
 
 

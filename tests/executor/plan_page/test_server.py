@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+import asyncio
 import json
 import shutil
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -239,6 +240,26 @@ def test_a_network_of_a_hundred_megabytes_is_taken_and_a_larger_one_is_not(tmp_p
             said = too_long.recv(4096)
         assert said.startswith(b"HTTP/1.1 413")
     assert [one.name for one in tmp_path.iterdir()] == ["ground.tif"]
+
+
+def test_what_a_killed_server_had_not_received_whole_is_removed_at_the_next_start(tmp_path: Path) -> None:
+    async def receive(folder: Path) -> list[str]:
+        """Begin an upload, look, and end as if nothing had come to an end."""
+
+        async def content() -> AsyncIterator[bytes]:
+            yield b"half"
+            site_files.remove_drafts(folder)  # another server starts, and leaves it alone
+            yield b"whole"
+
+        path = await site_files.receive_file(folder, "line.kml", content())
+        return [path.read_text()]
+
+    assert asyncio.run(receive(tmp_path)) == ["halfwhole"]
+    left = tmp_path / f".line.kml{site_files.DRAFT}"
+    left.write_bytes(b"half")
+    (tmp_path / "film.mkv.part").write_bytes(b"somebody else's")
+    with opened(tmp_path, None):
+        assert {one.name for one in tmp_path.iterdir()} == {"line.kml", "film.mkv.part"}
 
 
 def test_a_plan_opens_the_site_beside_it_and_a_site_another_one(tmp_path: Path) -> None:
