@@ -171,7 +171,7 @@ async def test_names_with_scripts_stay_names(tmp_path: Path, record: FlightRecor
 
 
 @pytest.mark.parametrize("dark", [False, True])
-async def test_the_report_is_seen_whole_at_every_width(tmp_path: Path, record: FlightRecord, dark: bool) -> None:  # noqa: FBT001
+async def test_the_report_is_seen_whole_at_every_width(tmp_path: Path, record: FlightRecord, dark: bool) -> None:
     async with _showing(tmp_path, record, _site(), dark=dark) as page:
         for wide, high in SIZES.values():
             await page.set_viewport_size({"width": wide, "height": high})
