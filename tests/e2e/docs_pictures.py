@@ -35,7 +35,7 @@ def fly_story() -> tuple[Scene, Window | None]:
         ports=range(14550, 14550 + USUAL_VEHICLES),
     )  # fmt: skip
     ground = site_model.load_site_model(check_site(table, "demo"), Path())
-    plan = plan_site(ground, PlanRequest(iterations=100_000, starts=1))
+    plan = plan_site(ground, PlanRequest(None, 60.0, 1, iterations=100_000, starts=1))
     context = site_model.build_context(ground, ground.setup, site_model.build_first_task(ground))
     boards = {
         name: build_onboard_mission(context, name, 0, build_flight_path(ground.setup, name, visits), visits)

@@ -18,11 +18,12 @@ from executor.analysis.report_page import render_report_page
 from executor.site import site_model
 from executor.site.ground_view import encode_ground
 from missions import Network
-from tests.e2e.gallery import QUIET
+from tests.e2e.gallery import QUIET, browsing
 from tests.e2e.plan_pages import SIZES, look_at
 from tests.executor.builders import ground_for, site_of
 from tests.executor.flights import NAMES, NETWORK, write_run
 from tests.executor.grounds import Hills, ground_about
+from tests.executor.plan_page.opened import opened
 from tests.missions.builders import FRAME, line_east
 from tests.programs import find_program
 
@@ -31,8 +32,8 @@ pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
 EVIL = "</script><script>document.title = 'run'</script><img src=x onerror=\"document.title = 'run'\">"
 
 
-def _site(network: Network = NETWORK, **tables: Any) -> site_model.SiteModel:
-    return ground_for(site_of(NAMES, **tables), network)
+def _site(line: Network = NETWORK, **tables: Any) -> site_model.SiteModel:
+    return ground_for(site_of(NAMES, **tables), line)
 
 
 @pytest.fixture
@@ -194,3 +195,14 @@ async def test_without_javascript_the_tables_say_the_same(tmp_path: Path, record
         await expect(page.locator("#unmapped")).to_have_text("The map needs JavaScript. The tables below say the same.")
         await expect(page.locator("#mapped")).to_be_hidden()
         await expect(page.locator("td", has_text="no vehicle")).to_have_count(1)
+
+
+async def test_the_plan_page_shows_a_report_that_can_do_nothing_there(tmp_path: Path, record: FlightRecord) -> None:
+    run = tmp_path / "runs" / "20260101-080000"
+    run.mkdir(parents=True)
+    (run / "events.jsonl").touch()
+    (run / "report.html").write_text(render_report_page(record, read_report(tmp_path), {}, _site()), encoding="utf-8")
+    with opened(tmp_path, None) as server:
+        async with browsing(f"{server.client.base_url}/api/report?run=runs/20260101-080000") as page:
+            await _find(page, "0: inspected by uav2 at T+0:30")
+            assert await page.evaluate("origin") == "null"

@@ -62,6 +62,7 @@ def _load_environment() -> Environment:
     return found
 
 
+@cache
 def inline_script(name: str) -> str:
     """Return a module of the pages, with all that it imports before it, as a script that needs no other file."""
     return "".join(('"use strict";\nconst modules = {};\n', *_list_modules(name, set())))
@@ -79,6 +80,7 @@ def _list_modules(name: str, known: set[str]) -> Iterator[str]:
     yield f'modules["{name}"] = (() => {{\n{body}return {{ {given} }};\n}})();\n'
 
 
+@cache
 def _read_static(name: str) -> str:
     return STATIC.joinpath(name).read_text(encoding="utf-8")
 
