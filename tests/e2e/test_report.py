@@ -84,15 +84,26 @@ async def _middle(page: Page, east: float, north: float) -> tuple[float, float]:
     return box["x"] + east * box["width"], box["y"] + north * box["height"]
 
 
+SEARCH = """(words) => {
+  const canvas = document.querySelector("#map canvas");
+  const { left, top, width, height } = canvas.getBoundingClientRect();
+  for (let x = 0; x < width; x += 5) for (let y = 0.46 * height; y < 0.54 * height; y += 5) {
+    const [clientX, clientY] = [left + x, top + y];
+    canvas.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, pointerType: "mouse" }));
+    if (document.querySelector("#detail").textContent.includes(words)) return [clientX, clientY];
+  }
+  return null;
+}"""
+"""Goes over the line from west to east until the map says something there."""
+
+
 async def _find(page: Page, words: str) -> tuple[float, float]:
-    """Move the mouse along the line of the flight until the map says something; returns where."""
-    for step in range(100):
-        for north in (0.5, 0.49, 0.51, 0.48, 0.52):
-            x, y = await _middle(page, step / 100.0, north)
-            await page.mouse.move(x, y)
-            if words in await page.locator("#detail").inner_text():
-                return x, y
-    raise AssertionError(f"expected a place of which the map says {words}")
+    """Point at the place of which the map says something; returns where."""
+    found = await page.evaluate(SEARCH, words)
+    assert found is not None, f"expected a place of which the map says {words}"
+    await page.mouse.move(*found)
+    await expect(page.locator("#detail")).to_contain_text(words)
+    return found[0], found[1]
 
 
 async def test_the_map_says_what_became_of_what_is_pointed_at(tmp_path: Path, record: FlightRecord) -> None:
