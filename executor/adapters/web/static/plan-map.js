@@ -191,6 +191,7 @@ export class PlanMap {
     })));
     byId("legend-locked").hidden = !locks.size;
     byId("legend-out").hidden = !network?.segments.some((one) => one.left_out);
+    byId("legend-barred").hidden = !network?.segments.some((one) => one.unreachable && !one.left_out);
     byId("legend-left").hidden = !over.size;
     byId("chart").classList.toggle("planned", this.store.shown !== null);
     if (network) this.loadGround();
