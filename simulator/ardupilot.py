@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from typing import ClassVar
 
 from missions.items import Command as ItemCommand
 from missions.items import Frame, MissionItem
-from simulator import messages, mission_store
+from simulator import messages, mission_file, mission_store
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
+from simulator.files import ArduPilotFileServer, FileServer, FileTree, VirtualFile
 from simulator.guidance import ThrottleDescent, find_stopping_place
 from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
+from simulator.params import PACKED_PARAMETERS
 from simulator.physics import GPS_BIT, Home, Limits
 from simulator.store_ardupilot import ArduPilotStore
 
@@ -112,6 +114,31 @@ class ArduPilot(Autopilot):
             messages.MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
             messages.MavCommand.NAV_TAKEOFF: self._take_off,
         }
+
+    def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
+        self._file_server = ArduPilotFileServer(tree, self._find_virtual_file)
+        return [self._file_server]
+
+    def _find_virtual_file(self, path: str) -> VirtualFile | None:
+        """Return a file that stands for the parameters or for a list on board."""
+        name, _, query = path.partition("?")
+        if name == PACKED_PARAMETERS:
+            with_defaults = "withdefaults=1" in query
+            return VirtualFile(self.params.packed_bytes, lambda most: self.params.pack(most, with_defaults=with_defaults))
+        if name not in mission_file.NAMES:
+            return None
+        kind = mission_file.NAMES.index(name)
+        items = (self.store.items, self.store.fence, self.store.rally)[kind]
+        takes = kind == 0 and self.store.fault is mission_store.UploadFault.NONE
+        return VirtualFile(
+            mission_file.FILE_BYTES, lambda _: mission_file.build_file(kind, items), self._put_mission if takes else None
+        )
+
+    def _put_mission(self, data: bytes) -> None:
+        part = mission_file.read_part(data)
+        if part is not None:
+            step = self.store.put_file_part(part, locked=self._is_mission_locked())
+            self._apply_store_step(step, self._file_server.link)
 
     # Modes.
 
@@ -269,15 +296,8 @@ class ArduPilot(Autopilot):
 
     def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
         receives = self.store.is_receiving and streams is self.schedules[self.store.upload_link]
-        receives = receives or self.store.is_file_open(self.now_s)
+        receives = receives or self._file_server.is_active(self.now_s)
         return (interval_s + streams.radio_slow_s) * (4.0 if receives else 1.0)
-
-    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
-        if isinstance(body, messages.FileRequest):
-            step = self.store.handle_file(body, sender, self.now_s, locked=self._is_mission_locked())
-            self._apply_store_step(step, sender.link)
-        else:
-            super()._answer(sender, body)
 
     def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO

@@ -16,6 +16,7 @@ from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.fault_kinds import PAYLOAD_FAULTS, InjectionKind
+from simulator.files import FileServer, FileTree
 from simulator.guidance import Hover, Leg, find_stopping_place
 from simulator.messages import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
 from simulator.mission_ardupilot import ArduPilotMission
@@ -85,6 +86,7 @@ class Autopilot(ABC):
         px4 = vehicle.autopilot is AutopilotKind.PX4
         self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
         self.store, self.stores = stores[0], stores  # PX4 has one for each link, and ArduPilot one for all
+        self.files: Sequence[FileServer] = self._make_file_servers(FileTree())
         self.voice = VehicleOutbox(tab=px4)
         self.now_s = self.boot_s = 0.0
         self.mode = 0
@@ -165,6 +167,10 @@ class Autopilot(ABC):
                 "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(self.frame.landed_state)
             ),
         }  # fmt: skip
+
+    def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
+        """Return what answers MAVFTP: one for each link, before the same files."""
+        return [FileServer(tree) for _ in self.stores]
 
     # What goes in.
 
@@ -453,6 +459,8 @@ class Autopilot(ABC):
             for store in self.stores:
                 link = store.upload_link
                 self._apply_store_step(store.tick(self.now_s), link)
+            for server in self.files:
+                self.voice.send(server.tick(self.now_s), server.link)
             self._report(only_heartbeat=False)
 
     def _boot(self) -> None:
@@ -501,8 +509,11 @@ class Autopilot(ABC):
                 self.voice.send(self.params.answer(body), self._asking)
             case messages.RequestDataStream() | messages.RadioStatus():
                 self._adjust_streams(body)
-            case messages.Timesync() | messages.Ping() | messages.FileRequest():
+            case messages.Timesync() | messages.Ping():
                 self._answer(sender, body)
+            case messages.FileRequest():
+                server = self.files[self._asking % len(self.files)]
+                self.voice.send(server.handle(body, sender, self.now_s), self._asking)
             case _:
                 store = self.stores[self._asking % len(self.stores)]
                 announced = isinstance(body, messages.ItemReceived) and store.is_receiving
@@ -516,8 +527,8 @@ class Autopilot(ABC):
         else:
             self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
-    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
-        """Answer questions; what is an answer itself gets none, nor does what is asked of files that are not here."""
+    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
+        """Answer questions; what is an answer itself gets none."""
         if isinstance(body, messages.Timesync) and body.tc1 == 0:
             answer = messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)
             self.voice.send([answer], self._asking)

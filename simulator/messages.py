@@ -71,12 +71,22 @@ class MavCommand(IntEnum):
 class FileOperation(IntEnum):
     """MAVFTP's opcodes."""
 
+    NONE = 0
     TERMINATESESSION = 1
     RESETSESSION = 2
+    LISTDIRECTORY = 3
+    OPENFILERO = 4
+    READFILE = 5
     CREATEFILE = 6
     WRITEFILE = 7
+    REMOVEFILE = 8
+    CREATEDIRECTORY = 9
+    REMOVEDIRECTORY = 10
     OPENFILEWO = 11
+    TRUNCATEFILE = 12
+    RENAME = 13
     CALCFILECRC = 14
+    BURSTREADFILE = 15
     ACK = 128
     NAK = 129
 
@@ -260,6 +270,8 @@ class FileRequest:
     """MAVFTP's opcode."""
     offset: int
     data: bytes
+    size: int = 0
+    """How much it says that it sends, or wants."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os.path
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -11,6 +12,13 @@ from simulator.config import AutopilotKind, SimVehicle
 from simulator.errors import FleetError
 from simulator.messages import Outbound, ParamRequestList, ParamRequestRead, ParamSet, build_message
 
+PACKED_PARAMETERS = "@PARAM/param.pck"
+"""ArduPilot's parameters as a file."""
+PACKED_HEADER = struct.Struct("<HHH")
+"""Magic, number of parameters in it and in all."""
+PACKED, PACKED_WITH_DEFAULTS = 0x671B, 0x671C
+PACKED_PARAM_BYTES = 12
+"""Of a parameter, before anybody has counted."""
 UNINDEXED = 65535
 """param_index of a value that was not asked for by its index."""
 
@@ -30,6 +38,12 @@ class Param:
 
     value: float
     kind: ParamKind = ParamKind.REAL32
+
+
+PACKED_FORMATS = {
+    ParamKind.INT8: (1, "<b"), ParamKind.INT16: (2, "<h"), ParamKind.INT32: (3, "<i"), ParamKind.REAL32: (4, "<f"),
+}  # fmt: skip
+"""ArduPilot's own number of a kind, and how it lies in the file."""
 
 
 def _build_table(**values: Mapping[str, float]) -> dict[str, Param]:
@@ -114,6 +128,7 @@ class ParamTable:
         self._kinds = {name: param.kind for name, param in sorted(table.items())}
         self._values = {name: table[name].value for name in self._kinds}
         self._names = list(self._kinds)
+        self._defaults = dict(self._values)
         self._bytewise = bytewise
         """Whether integers travel as their bits (PX4) or as numbers (ArduPilot)."""
         self.hidden: set[str] = set()
@@ -156,6 +171,30 @@ class ParamTable:
                 yield self._build_param_value(self._names.index(name), UNINDEXED)
             case _:
                 return
+
+    @property
+    def packed_bytes(self) -> int:
+        """How long it says that its packed file is."""
+        return PACKED_PARAM_BYTES * len(self._names)
+
+    def pack(self, block: int, *, with_defaults: bool = False) -> bytes:
+        """Return the file of all parameters after AP_Filesystem_Param.cpp: no value crosses the end of a block."""
+        magic = PACKED_WITH_DEFAULTS if with_defaults else PACKED
+        packed, before = PACKED_HEADER.pack(magic, len(self._names), len(self._names)), ""
+        for name in self._names:
+            number, layout = PACKED_FORMATS[self._kinds[name]]
+            to_number = float if layout == "<f" else int
+            values = [to_number(self._values[name])]
+            if with_defaults and self._values[name] != self._defaults[name]:
+                values.append(to_number(self._defaults[name]))
+            common = min(len(os.path.commonprefix([name, before])), len(name) - 1)
+            own, before = name[common:].encode("ascii"), name
+            entry = bytes([number | (len(values) - 1) << 4, common | (len(own) - 1) << 4]) + own
+            entry += b"".join(struct.pack(layout, value) for value in values)
+            over = (len(packed) + len(entry)) % block
+            size = struct.calcsize(layout)
+            packed += (bytes(size - over) if 0 < over < size else b"") + entry
+        return packed
 
     def _build_param_value(self, position: int, index: int) -> Outbound:
         name = self._names[position]

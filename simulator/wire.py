@@ -68,7 +68,7 @@ FILE_HEAD = struct.Struct("<HBBBBBxI")
 def _parse_file_request(said: Fields) -> messages.FileRequest:
     payload = bytes(said.payload)
     number, session, operation, size, _, _, offset = FILE_HEAD.unpack_from(payload)
-    return messages.FileRequest(number, session, operation, offset, payload[FILE_HEAD.size :][:size])
+    return messages.FileRequest(number, session, operation, offset, payload[FILE_HEAD.size :][:size], size)
 
 
 READERS: Mapping[str, Callable[[Fields], messages.Body]] = {
