@@ -21,7 +21,7 @@ WORD = struct.Struct("<I")
 CHUNKS_A_STEP = 5
 """Of a burst: about what both send between two rounds over a network."""
 WRITES = frozenset({Ftp.OPENFILEWO, Ftp.CREATEFILE})
-BAD_FILE, IS_FOLDER, NOT_EMPTY, INVALID = 9, 21, 39, 22
+BAD_FILE, NO_FOLDER, IS_FOLDER, NOT_EMPTY = 9, 20, 21, 39
 """errno."""
 
 
@@ -43,9 +43,9 @@ class Error(IntEnum):
 class FileRefusedError(Exception):
     """A request is answered with an error."""
 
-    def __init__(self, error: Error, errno: int = 0) -> None:
+    def __init__(self, error: Error, errno: int | None = None) -> None:
         super().__init__(error.name)
-        self.answer = bytes([error, errno]) if errno else bytes([error])
+        self.answer = bytes([error] if errno is None else [error, errno])
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +98,10 @@ class FileTree:
     def remove(self, path: str, kinds: tuple[type, ...] = (bytearray, type(None))) -> None:
         """Remove a file, or a folder that is empty, if it is of a kind that may go."""
         if not isinstance(self._find(path), kinds):
-            raise FileRefusedError(Error.FAIL_ERRNO, IS_FOLDER if bytearray in kinds else INVALID)
+            raise FileRefusedError(Error.FAIL_ERRNO, IS_FOLDER if bytearray in kinds else NO_FOLDER)
         if any(one.startswith(f"{path}/") for one in self._entries):
-            raise FileRefusedError(Error.FAIL_ERRNO, NOT_EMPTY)
+            # ArduPilot tries it as a file then.
+            raise FileRefusedError(Error.FAIL_ERRNO, IS_FOLDER if bytearray in kinds else NOT_EMPTY)
         del self._entries[path]
 
     def rename(self, old: str, new: str) -> None:
@@ -232,24 +233,23 @@ class FileServer:
             case Ftp.LISTDIRECTORY:
                 return self._list(request)
             case Ftp.CALCFILECRC:
-                return WORD.pack(self._checksum(self._path(request)))
+                return WORD.pack(compute_checksum(self._content(self._path(request))))
             case _:
                 return self._change(request)
 
     def _change(self, request: FileRequest) -> bytes:
-        path = self._path(request)
         match request.operation:
             case Ftp.CREATEDIRECTORY:
-                self.tree.make_folder(path)
+                self.tree.make_folder(self._path(request))
             case Ftp.REMOVEFILE:
-                self.tree.remove(path, (bytearray,))
+                self.tree.remove(self._path(request), (bytearray,))
             case Ftp.REMOVEDIRECTORY:
-                self.tree.remove(path, (type(None),))
+                self.tree.remove(self._path(request), (type(None),))
             case Ftp.TRUNCATEFILE:
-                data = self.tree.file_at(path)
+                data = self.tree.file_at(self._path(request))
                 data[:] = data[: request.offset].ljust(request.offset, b"\0")
             case Ftp.RENAME:
-                self.tree.rename(path, self._path(request, 1))
+                self.tree.rename(self._path(request), self._path(request, 1))
             case _:
                 raise FileRefusedError(Error.UNKNOWN_COMMAND)
         return b""
@@ -289,10 +289,13 @@ class FileServer:
     def _list(self, request: FileRequest) -> bytes:
         """Return names as far as they fit; the folder itself and the one above it are left to skip."""
         entries = ["S", "S", *map(_describe_entry, self.tree.list_folder(self._path(request)))]
-        return _pack_entries(entries[request.offset :])
+        return _pack_entries(entries[request.offset :], b"\0")
 
-    def _checksum(self, path: str) -> int:
-        return compute_checksum(bytes(self.tree.file_at(path)))
+    def _content(self, path: str) -> bytes:
+        try:
+            return bytes(self.tree.file_at(path))
+        except FileRefusedError as refused:
+            raise FileRefusedError(Error.FAIL_ERRNO, 0) from refused  # it does not say why
 
     def _close(self) -> None:
         file, self._open, self._burst = self._open, None, iter(())
@@ -338,9 +341,11 @@ class ArduPilotFileServer(FileServer):
     """For so long after an answer all streams are slower."""
     MOST_CHUNKS = 500
 
-    def __init__(self, tree: FileTree, find_virtual: Callable[[str], VirtualFile | None]) -> None:
+    def __init__(
+        self, tree: FileTree, find_virtual: Callable[[str], VirtualFile | None], say: Callable[[str], None]
+    ) -> None:
         super().__init__(tree)
-        self._find_virtual = find_virtual
+        self._find_virtual, self._say = find_virtual, say
         self._session = -1
 
     def is_active(self, now_s: float) -> bool:
@@ -379,19 +384,16 @@ class ArduPilotFileServer(FileServer):
                 raise FileRefusedError(Error.NOT_FOUND)
             if self._open.writes is not (request.operation == Ftp.WRITEFILE):
                 raise FileRefusedError(Error.FAIL)
-        return Reply(
-            self._dispatch(request), self._offset_of(request), burst=request.operation == Ftp.BURSTREADFILE
-        )
+        return Reply(self._dispatch(request), self._offset_of(request), burst=request.operation == Ftp.BURSTREADFILE)
 
     def _change(self, request: FileRequest) -> bytes:
-        if not request.data:
-            raise FileRefusedError(Error.INVALID_DATA_SIZE)
         match request.operation:
             case Ftp.REMOVEFILE | Ftp.REMOVEDIRECTORY:
                 self.tree.remove(self._path(request))
             case Ftp.CREATEDIRECTORY | Ftp.RENAME:
                 return super()._change(request)
             case _:
+                self._say(f"Unsupported FTP: {request.operation}")
                 raise FileRefusedError(Error.FAIL)
         return b""
 
@@ -432,11 +434,11 @@ class ArduPilotFileServer(FileServer):
 
     def _list(self, request: FileRequest) -> bytes:
         entries = ["D.", "D..", *map(_describe_entry, self.tree.list_folder(self._path(request)))]
-        return _pack_entries(entries[request.offset :])
+        return _pack_entries(entries[request.offset :], b"\0\0")
 
-    def _checksum(self, path: str) -> int:
+    def _content(self, path: str) -> bytes:
         virtual = self._find_virtual(path) if path.startswith("@") else None
-        return super()._checksum(path) if virtual is None else compute_checksum(virtual.build(DATA_BYTES))
+        return bytes(self.tree.file_at(path)) if virtual is None else virtual.build(DATA_BYTES)
 
     def _close(self) -> None:
         super()._close()
@@ -467,10 +469,10 @@ def _describe_entry(entry: tuple[str, int | None]) -> str:
     return f"D{name}" if size is None else f"F{name}\t{size}"
 
 
-def _pack_entries(entries: Sequence[str]) -> bytes:
+def _pack_entries(entries: Sequence[str], end: bytes) -> bytes:
     packed = b""
     for entry in entries:
-        raw = entry.encode("utf-8") + b"\0"
+        raw = entry.encode("utf-8") + end
         if len(packed) + len(raw) > DATA_BYTES:
             break
         packed += raw

@@ -70,22 +70,22 @@ ARDUPILOT = _build_table(
         "FS_GCS_TIMEOUT": 5, "RTL_CONE_SLOPE": 3, "WPNAV_SPEED": 1000, "WPNAV_SPEED_UP": 250, "WPNAV_SPEED_DN": 150,
         "WPNAV_RADIUS": 200, "WPNAV_ACCEL": 250, "WPNAV_ACCEL_Z": 100, "WPNAV_JERK": 1, "MOT_BAT_VOLT_MAX": 0,
         "BATT_LOW_VOLT": 0, "BATT_LOW_MAH": 0, "BATT_CRT_VOLT": 0, "BATT_CRT_MAH": 0, "BATT_ARM_VOLT": 0,
-        "FENCE_ALT_MAX": 100, "FENCE_RADIUS": 300, "RALLY_LIMIT_KM": 0.3,
+        "FENCE_ALT_MAX": 100, "FENCE_RADIUS": 300, "RALLY_LIMIT_KM": 0.3, "GUID_TIMEOUT": 3,
     },
 )  # fmt: skip
-# PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
+# PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason. SYS_FAILURE_EN is 1 in its simulation.
 PX4 = _build_table(
     int32={
         "MAV_TYPE": 2, "SYS_AUTOSTART": 4001, "NAV_DLL_ACT": 2, "NAV_RCL_ACT": 2, "COM_DL_LOSS_T": 10,
         "COM_LOW_BAT_ACT": 0, "COM_FLTT_LOW_ACT": 0, "COM_RC_IN_MODE": 1, "BAT1_N_CELLS": 0, "RTL_TYPE": 0,
-        "RTL_CONE_ANG": 45, "MIS_TKO_LAND_REQ": 0, "GF_ACTION": 2, "COM_DLL_EXCEPT": 0, "TRIG_MODE": 0,
+        "RTL_CONE_ANG": 45, "MIS_TKO_LAND_REQ": 0, "GF_ACTION": 2, "COM_DLL_EXCEPT": 0, "TRIG_MODE": 0, "SYS_FAILURE_EN": 1,
     },
     real32={
         "COM_FAIL_ACT_T": 5, "COM_DISARM_LAND": 2, "BAT_LOW_THR": 0.15, "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05,
         "BAT1_CAPACITY": -1, "RTL_RETURN_ALT": 60, "RTL_DESCEND_ALT": 30, "RTL_LAND_DELAY": 0, "MPC_XY_CRUISE": 5,
         "MPC_XY_VEL_MAX": 12, "MPC_Z_VEL_MAX_UP": 3, "MPC_Z_VEL_MAX_DN": 1.5, "MPC_TKO_SPEED": 1.5, "MPC_ACC_HOR": 3,
         "MPC_Z_V_AUTO_UP": 3, "MPC_Z_V_AUTO_DN": 1.5, "MPC_LAND_SPEED": 0.7, "NAV_ACC_RAD": 2, "MIS_TAKEOFF_ALT": 2.5,
-        "GF_MAX_HOR_DIST": 0, "GF_MAX_VER_DIST": 0,
+        "GF_MAX_HOR_DIST": 0, "GF_MAX_VER_DIST": 0, "COM_OF_LOSS_T": 1, "MC_ORBIT_RAD_MAX": 1000,
     },
 )  # fmt: skip
 LOW_CELL_V = 3.5

@@ -26,7 +26,18 @@ CRUISE_M_S = 5.0
 RETURN_TO_LAUNCH, SET_MODE, PAUSE_CONTINUE, SET_MISSION_CURRENT = 20, 176, 193, 224
 MISSION_START, ARM_DISARM, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE, REQUEST_CAPABILITIES = 300, 400, 511, 512, 520
 
-TAKE_OFF, LAND, LOITER_UNLIM, ORBIT, TURN, CHANGE_ALTITUDE, REPOSITION, INJECT_FAILURE = 22, 21, 17, 34, 115, 186, 192, 420
+TAKE_OFF, LAND, LOITER_UNLIM, ORBIT, TURN, CHANGE_ALTITUDE, REPOSITION, INJECT_FAILURE = (
+    22,
+    21,
+    17,
+    34,
+    115,
+    186,
+    192,
+    420,
+)
+GYRO, MOTOR = 0, 101
+"""FAILURE_UNIT."""
 PLACE_ALONE, SPEED_ALONE = 0b110111111000, 0b110111000111
 SET_POINT_MODES = {"ardupilot": ModeNumber(4, 4), "px4": ModeNumber(6 << 16, 6)}
 
@@ -274,7 +285,7 @@ def ending(dialect: Dialect) -> Chapter:
     ))  # fmt: skip
 
 
-def files(dialect: Dialect) -> Chapter:  # noqa: ARG001 - both are asked alike
+def files(dialect: Dialect) -> Chapter:
     """Files over MAVFTP."""
     numbers = itertools.count(1)
 
@@ -321,9 +332,9 @@ def files(dialect: Dialect) -> Chapter:  # noqa: ARG001 - both are asked alike
         step("remove the folder", ask(Ftp.REMOVE_FOLDER, folder)),
         step("a path that leads out", ask(Ftp.READ_ONLY, b"../nothing.txt")),
         step("an operation that does not exist", ask(Ftp.NONSENSE)),
-        step("parameters", ask(Ftp.READ_ONLY, b"@PARAM/param.pck"), ask(Ftp.READ, size=2), ask(Ftp.RESET)),
-        step("a mission", ask(Ftp.READ_ONLY, b"@MISSION/mission.dat"), ask(Ftp.READ, size=80), ask(Ftp.RESET)),
-        step("a fence", ask(Ftp.READ_ONLY, b"@MISSION/fence.dat"), ask(Ftp.READ, size=80), ask(Ftp.RESET)),
+        step("parameters", ask(Ftp.READ_ONLY, b"/@PARAM/param.pck"), ask(Ftp.READ, size=2), ask(Ftp.RESET)),
+        step("a mission", ask(Ftp.READ_ONLY, b"@MISSION/mission.dat"), ask(Ftp.READ, size=34), ask(Ftp.RESET)),
+        step("a fence", ask(Ftp.READ_ONLY, b"@MISSION/fence.dat"), ask(Ftp.READ, size=34), ask(Ftp.RESET)),
     ))  # fmt: skip
 
 
@@ -337,13 +348,24 @@ def guided(dialect: Dialect) -> Chapter:
 
     def set_point(mask: int, item: MissionItem, north_m_s: float = 0.0) -> Say:
         place = {"coordinate_frame": 6, "lat_int": item.x, "lon_int": item.y, "alt": HEIGHT_M}
-        speeds = {"vx": north_m_s, "vy": 0.0, "vz": 0.0, "afx": 0.0, "afy": 0.0, "afz": 0.0, "yaw": 0.0, "yaw_rate": 0.0}
+        speeds = {
+            "vx": north_m_s,
+            "vy": 0.0,
+            "vz": 0.0,
+            "afx": 0.0,
+            "afy": 0.0,
+            "afz": 0.0,
+            "yaw": 0.0,
+            "yaw_rate": 0.0,
+        }
         return Say("SET_POSITION_TARGET_GLOBAL_INT", {"time_boot_ms": 0, "type_mask": mask, **place, **speeds})
 
     up = (order(ARM_DISARM, 1), order(TAKE_OFF, 0, 0, 0, math.nan, math.nan, math.nan, ALT_M + HEIGHT_M))
     if dialect.home_item:
         up = (set_mode(dialect.modes.guided), order(ARM_DISARM, 1), order(TAKE_OFF, 0, 0, 0, 0, 0, 0, HEIGHT_M))
     there = (Until(What.FAST, 2.0), Until(What.STILL))
+    set_points = SET_POINT_MODES[dialect.name]
+    stream = (replace(set_point(SPEED_ALONE, NEAR[0], 3.0), listen_s=0.2),) * 12
     return Chapter("guided", (
         step("wait until it is ready", Until(What.READY), Look()),
         step("go to a place on the ground", go(REPOSITION, NEAR[0], -1, 1), Look()),
@@ -355,18 +377,24 @@ def guided(dialect: Dialect) -> Chapter:
         step("a place as a set-point", set_point(PLACE_ALONE, NEAR[2]), Look(12.0)),
         step("a speed as a set-point", set_point(SPEED_ALONE, NEAR[2], 4.0), Look(1.5)),
         step("no more set-points", Look(8.0)),
-        step("the mode for set-points without set-points", set_mode(SET_POINT_MODES[dialect.name]), Look(3.0)),
+        step("the mode for set-points without set-points", set_mode(set_points), Look(3.0)),
         step("circle about a place", go(ORBIT, NEAR[1], 20.0, 3.0, 0.0), Look(20.0)),
         step("a circle that is too large", go(ORBIT, NEAR[1], 20_000.0, 3.0, 0.0), Look(3.0)),
         step("another height", order(CHANGE_ALTITUDE, ALT_M + HEIGHT_M + 5, 0), Look(8.0)),
         step("hold mode", set_mode(dialect.modes.hold), Look(6.0)),
         step("turn", order(TURN, 90, 20, 1, 0), Look(2.0)),
-        step("stay", order(LOITER_UNLIM), Look(2.0)),
-        step("a failure of GPS", order(INJECT_FAILURE, 4, 1, 0), Look(2.0)),
+        step("a motor that is well again", order(INJECT_FAILURE, MOTOR, 0, 1), Look()),
+        step("a failure that nothing can have", order(INJECT_FAILURE, GYRO, 6, 0), Look()),
+        step("the mode for set-points with set-points", *stream,
+             replace(set_mode(set_points), listen_s=0.2), *stream, Look(0.1)),
+        step("a place among them", *(replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.2),) * 60, Look()),
+        step("and silence", Look(12.0)),
+        step("stay", order(LOITER_UNLIM), Look(1.0)),
         step("land", order(LAND), Until(What.DISARMED, limit_s=200.0, narrate=True), Look(3.0)),
     ))  # fmt: skip
 
 
 CHAPTERS = {
-    "questions": questions, "transfers": transfers, "flight": flight, "ending": ending, "files": files, "guided": guided,
+    "questions": questions, "transfers": transfers, "flight": flight, "ending": ending, "files": files,
+    "guided": guided,
 }  # fmt: skip

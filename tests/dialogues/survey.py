@@ -6,8 +6,7 @@ that: whether it knows it. Commands that a bystander would not give are left out
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
