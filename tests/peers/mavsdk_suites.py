@@ -31,6 +31,7 @@ from simulator.testing import FleetVehicle, VehicleState, fleet
 
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "mavsdk.md"
 AUTOPILOTS = ("px4", "ardupilot")
+NOTE = "".join(f"line {number} of a note\n" for number in range(400))
 PATIENCE_S = 20.0
 """Real seconds; MAVSDK itself gives up earlier."""
 
@@ -234,19 +235,44 @@ async def list_files(at: Setting) -> None:
 
 async def upload_file(at: Setting) -> None:
     with TemporaryDirectory() as folder:
-        (path := Path(folder) / "note.txt").write_text("a note", encoding="ascii")
+        (path := Path(folder) / "note.txt").write_text(NOTE, encoding="ascii")
         async for _ in FtpAsync(at.system).upload(str(path), "/"):
             pass
 
 
 async def download_file(at: Setting) -> None:
+    await upload_file(at)
     with TemporaryDirectory() as folder:
         async for _ in FtpAsync(at.system).download("/note.txt", folder, False):
             pass
+        assert (Path(folder) / "note.txt").read_text(encoding="ascii") == NOTE
+
+
+async def download_in_bursts(at: Setting) -> None:
+    await upload_file(at)
+    with TemporaryDirectory() as folder:
+        async for _ in FtpAsync(at.system).download("/note.txt", folder, True):
+            pass
+        assert (Path(folder) / "note.txt").read_text(encoding="ascii") == NOTE
+
+
+async def remove_file(at: Setting) -> None:
+    await upload_file(at)
+    await FtpAsync(at.system).rename("/note.txt", "/other.txt")
+    await FtpAsync(at.system).remove_file("/other.txt")
+
+
+async def compare_file(at: Setting) -> None:
+    with TemporaryDirectory() as folder:
+        (path := Path(folder) / "note.txt").write_text(NOTE, encoding="ascii")
+        async for _ in FtpAsync(at.system).upload(str(path), "/"):
+            pass
+        assert await FtpAsync(at.system).are_files_identical(str(path), "/note.txt")
 
 
 async def make_folder(at: Setting) -> None:
     await FtpAsync(at.system).create_directory("/folder")
+    await FtpAsync(at.system).remove_directory("/folder")
 
 
 def fail(unit: FailureUnit) -> Callable[[Setting], Awaitable[None]]:
@@ -285,7 +311,8 @@ SUITES: Mapping[str, Mapping[str, Callable[[Setting], Awaitable[None]]]] = {
     },
     "ftp": {
         "list a folder": list_files, "upload a file": upload_file, "download a file": download_file,
-        "make a folder": make_folder,
+        "download in bursts": download_in_bursts, "rename and remove a file": remove_file,
+        "compare a file": compare_file, "make and remove a folder": make_folder,
     },
     "failure": {"GPS off": fail(FailureUnit.SENSOR_GPS), "motor off": fail(FailureUnit.SYSTEM_MOTOR)},
 }  # fmt: skip
