@@ -10,7 +10,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from simulator import messages
 from simulator.config import AutopilotKind
 from simulator.messages import (
-    MESSAGE_IDS,
     MissionRequest,
     ParamRequestRead,
     Ping,
@@ -19,6 +18,7 @@ from simulator.messages import (
     build_message,
     split_status_text,
 )
+from simulator.streams import MESSAGE_IDS
 from simulator.wire import READERS, Codec
 from tests.simulator.harness import Operator, numbered, rtl, speed, takeoff, waypoint
 
