@@ -8,6 +8,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Generic, TypeVar
@@ -16,6 +17,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from missions import LocalFrame, Pad
 from simulator.testing import HOME, FleetVehicle, VehicleState, fleet
+from tests.ports import free_port
 from tests.sitl import real
 
 T = TypeVar("T")
@@ -47,6 +49,13 @@ class Subject:
     def pymavlink(self) -> str:
         """As pymavlink, MAVProxy and their kin write it."""
         return self.connection.replace("://", ":")
+
+    def listen(self) -> str:
+        """Let it call a client that listens, and return where, as pymavlink writes it."""
+        if self.vehicle is None:
+            return self.pymavlink
+        self.vehicle.call(port := free_port())
+        return f"udpin:127.0.0.1:{port}"
 
     @property
     def px4(self) -> bool:
@@ -80,6 +89,14 @@ class Subject:
         """Wait until something is true of it."""
         while not self.is_so(is_so):
             await asyncio.sleep(ASK_AGAIN_S)
+
+
+def find_distribution(name: str) -> str:
+    """Return the version of an installed distribution; empty where there is none."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""
 
 
 def wait(is_so: Callable[[], bool], patience_s: float) -> None:
@@ -131,13 +148,18 @@ class Suite(Generic[T]):
     """Cases of one client."""
 
     client: str
-    """As the table calls it."""
-    version: str
+    """What installs it: a distribution of the Python index, or a package of npm's."""
     open: Callable[[Subject], AbstractAsyncContextManager[T]]
     """Connects the client, for one case."""
     cases: Mapping[str, Callable[[T], Awaitable[None] | None]]
     """Those that are no coroutines may block: they have a thread."""
     autopilots: tuple[str, ...] = AUTOPILOTS
+    find_version: Callable[[str], str] = find_distribution
+
+    @property
+    def version(self) -> str:
+        """Of the client; empty where it is not installed."""
+        return self.find_version(self.client)
 
     async def find_fault(self, subject: Subject, name: str, patience_s: float = PATIENCE_S) -> str:
         """Return why a case fails; nothing where it passes."""

@@ -8,7 +8,6 @@ from asyncio.subprocess import PIPE, STDOUT, Process
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 from pymavlink.dialects.v20 import common as mav
@@ -79,11 +78,11 @@ def write_items(path: Path, *items: tuple[int, int, float, float, float]) -> Non
     path.write_text("\n".join((WP_HEAD, *lines, "")), encoding="ascii")
 
 
-def write_mission(at: Console) -> int:
+def write_mission(folder: Path) -> int:
     """Write a mission, home first, and return how many items are on board then."""
     relative = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
     write_items(
-        at.subject.folder / "mission.txt", (mav.MAV_FRAME_GLOBAL, mav.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0),
+        folder / "mission.txt", (mav.MAV_FRAME_GLOBAL, mav.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0),
         (relative, mav.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0), (relative, mav.MAV_CMD_NAV_WAYPOINT, 0.0, 1.0, 0.0),
         (relative, mav.MAV_CMD_NAV_WAYPOINT, 0.0, 1.0, 1.0),
         (mav.MAV_FRAME_MISSION, mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0, 0.0, 0.0),
@@ -96,14 +95,14 @@ def count_items(path: Path) -> int:
 
 
 async def load_mission(at: Console) -> None:
-    count = write_mission(at)
+    count = write_mission(at.subject.folder)
     await at.ask("wp load mission.txt", "Loaded 5 waypoints in")
     await at.subject.until(lambda now: len(now.mission) == count)
 
 
 async def save_mission(at: Console) -> None:
     await load_mission(at)
-    await at.ask("wp save back.txt", "Saved 5")
+    await at.ask("wp save back.txt", "Saved 5 waypoints to back.txt")
     assert count_items(at.subject.folder / "back.txt") == 5
 
 
@@ -118,7 +117,7 @@ async def clear_mission(at: Console) -> None:
     await load_mission(at)
     at.type("wp clear")
     await at.subject.until(lambda now: len(now.mission) <= 1)
-    await at.ask("wp save back.txt", "Saved 0", "Saved 1")
+    await at.ask("wp list", "Requesting 0 waypoints", "Requesting 1 waypoints")
 
 
 async def set_waypoint(at: Console) -> None:
@@ -133,28 +132,28 @@ async def change_height(at: Console) -> None:
     await at.subject.until(lambda now: len(now.mission) > 2 and now.mission[2].z == 33.0)
 
 
-def write_fence(at: Console) -> None:
+def write_fence(folder: Path) -> None:
     corners = [(mav.MAV_FRAME_GLOBAL, mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, 4.0, *one)
                for one in ((2.0, -2.0), (2.0, 2.0), (-2.0, 2.0), (-2.0, -2.0))]  # fmt: skip
-    write_items(at.subject.folder / "fence.txt", *corners)
+    write_items(folder / "fence.txt", *corners)
 
 
 async def load_fence(at: Console) -> None:
-    write_fence(at)
+    write_fence(at.subject.folder)
     await at.ask("fence load fence.txt", "Loaded 4 fence items in")
     await at.subject.until_stored(fence=4)
 
 
 async def save_fence(at: Console) -> None:
     await load_fence(at)
-    await at.ask("fence save back.txt", "Saved 4")
+    await at.ask("fence save back.txt", "Saved 4 fence items to back.txt")
     assert count_items(at.subject.folder / "back.txt") == 4
 
 
 async def clear_fence(at: Console) -> None:
     await load_fence(at)
     at.type("fence clear")
-    await at.ask("fence save back.txt", "Saved 0")
+    await at.ask("fence list", "Requesting 0 fence items")
     await at.subject.until_stored(fence=0)
 
 
@@ -164,27 +163,27 @@ async def enable_fence(at: Console) -> None:
     await at.wait_for("DO_FENCE_ENABLE: ACCEPTED")
 
 
-def write_rally(at: Console) -> None:
+def write_rally(folder: Path) -> None:
     point = (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, mav.MAV_CMD_NAV_RALLY_POINT, 0.0)
-    write_items(at.subject.folder / "rally.txt", (*point, 1.0, 0.0), (*point, 0.0, 1.0))
+    write_items(folder / "rally.txt", (*point, 1.0, 0.0), (*point, 0.0, 1.0))
 
 
 async def load_rally(at: Console) -> None:
-    write_rally(at)
+    write_rally(at.subject.folder)
     await at.ask("rally load rally.txt", "Loaded 2 rally items in")
     await at.subject.until_stored(rally=2)
 
 
 async def save_rally(at: Console) -> None:
     await load_rally(at)
-    await at.ask("rally save back.txt", "Saved 2")
+    await at.ask("rally save back.txt", "Saved 2 rally items to back.txt")
     assert count_items(at.subject.folder / "back.txt") == 2
 
 
 async def clear_rally(at: Console) -> None:
     await load_rally(at)
     at.type("rally clear")
-    await at.ask("rally save back.txt", "Saved 0")
+    await at.ask("rally list", "Requesting 0 rally items")
     await at.subject.until_stored(rally=0)
 
 
@@ -210,7 +209,7 @@ async def set_parameter(at: Console) -> None:
 
 async def save_parameters(at: Console) -> None:
     await fetch_parameters(at)
-    await at.ask("param save all.parm", "Saved ")
+    await at.ask("param save all.parm", "parameters to all.parm")
     names = {line.split()[0] for line in (at.subject.folder / "all.parm").read_text(encoding="ascii").splitlines()}
     assert name_parameter(at) in names
     at.subject.prove(lambda now: names <= now.parameters.keys())
@@ -278,11 +277,11 @@ def by_files(kind: str) -> Callable[[Console], Awaitable[None]]:
     """Return a case: items put on board and read back as a file, as ArduPilot has it."""
 
     async def case(at: Console) -> None:
-        {"wp": write_mission, "fence": write_fence, "rally": write_rally}[kind](at)
-        name = {"wp": "mission", "fence": "fence", "rally": "rally"}[kind]
+        name, back = {"wp": ("mission", "way"), "fence": ("fence", "fence-items"), "rally": ("rally", "rally-items")}[kind]
+        {"wp": write_mission, "fence": write_fence, "rally": write_rally}[kind](at.subject.folder)
         await at.ask(f"{kind} ftpload {name}.txt", "Sent ")
-        await at.ask(f"{kind} ftp back.txt", "Saved ")
-        assert count_items(at.subject.folder / "back.txt") == count_items(at.subject.folder / f"{name}.txt")
+        await at.ask(f"{kind} ftp", f"to ./{back}.txt")
+        assert count_items(at.subject.folder / f"{back}.txt") == count_items(at.subject.folder / f"{name}.txt")
 
     return case
 
@@ -346,8 +345,7 @@ BY_FILES = {
     "mission": by_files("wp"), "fence": by_files("fence"), "rally points": by_files("rally"),
     "parameters": fetch_packed_parameters,
 }  # fmt: skip
-VERSION = version("MAVProxy")
 SUITES = {
-    **{f"MAVProxy {name}": Suite("MAVProxy", VERSION, typing, cases) for name, cases in CASES.items()},
-    "MAVProxy by files": Suite("MAVProxy", VERSION, typing, BY_FILES, ("ardupilot",)),
+    **{f"MAVProxy {name}": Suite("MAVProxy", typing, cases) for name, cases in CASES.items()},
+    "MAVProxy by files": Suite("MAVProxy", typing, BY_FILES, ("ardupilot",)),
 }

@@ -7,7 +7,6 @@ import math
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 
 from mavsdk.asyncio import Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
@@ -511,4 +510,4 @@ CASES: Mapping[str, Mapping[str, Callable[[Setting], Awaitable[None]]]] = {
     "info": {"version": read_version, "identification": read_identification, "product": read_product},
     "failure": {"GPS off": fail(FailureUnit.SENSOR_GPS), "motor off": fail(FailureUnit.SYSTEM_MOTOR)},
 }  # fmt: skip
-SUITES = {f"MAVSDK {plugin}": Suite("MAVSDK", version("mavsdk"), connected, cases) for plugin, cases in CASES.items()}
+SUITES = {f"MAVSDK {plugin}": Suite("mavsdk", connected, cases) for plugin, cases in CASES.items()}

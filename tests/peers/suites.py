@@ -19,7 +19,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.peers import mavproxy_cases, mavsdk_cases
+from tests.peers import (
+    configurator_cases,
+    dronekit_cases,
+    mavkit_cases,
+    mavproxy_cases,
+    mavsdk_cases,
+    node_cases,
+    pymavlink_cases,
+)
 from tests.peers.judging import READY_S, Subject, Suite, find_real, real_one, simulated, wait
 
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "peers.md"
@@ -28,7 +36,10 @@ HEAD = (
     "| --- | --- | --- | ---: | ---: | --- | ---: | --- |\n"
 )
 NOTHING = "nothing"
-SUITES: Mapping[str, Suite[Any]] = {**mavsdk_cases.SUITES, **mavproxy_cases.SUITES}
+SUITES: Mapping[str, Suite[Any]] = {
+    **mavsdk_cases.SUITES, **mavproxy_cases.SUITES, **pymavlink_cases.SUITES, **configurator_cases.SUITES,
+    **dronekit_cases.SUITES, **mavkit_cases.SUITES, **node_cases.SUITES,
+}  # fmt: skip
 
 
 @dataclass(slots=True)
