@@ -10,7 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
-from tests.peers.judging import PATIENCE_S, PLACE_DEG, Subject, Suite
+from tests.peers.judging import PATIENCE_S, PLACE_DEG, Subject, Suite, wait
 
 NORTH_DEG = 0.001
 
@@ -37,9 +37,8 @@ async def connected(subject: Subject) -> AsyncIterator[Drone]:
 
 
 def hear_place(at: Drone) -> None:
-    place = at.vehicle.location.global_frame
-    assert abs(place.lat - PLACE_DEG[0]) < 1e-3
-    assert at.vehicle.battery.level is not None
+    wait(lambda: abs((at.vehicle.location.global_frame.lat or 0.0) - PLACE_DEG[0]) < NORTH_DEG, PATIENCE_S)
+    wait(lambda: at.vehicle.battery is not None and at.vehicle.battery.level is not None, PATIENCE_S)
 
 
 def set_parameter(at: Drone) -> None:

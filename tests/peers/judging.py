@@ -137,7 +137,10 @@ def real_one(autopilot: str) -> Iterator[Subject]:
 
         def is_ready() -> bool:
             order = (mav.MAV_CMD_REQUEST_MESSAGE, 0, mav.MAVLINK_MSG_ID_SYS_STATUS, 0, 0, 0, 0, 0, 0)
-            status = other.ask(mav.MAVLink_command_long_message(1, 1, *order), "SYS_STATUS")
+            try:
+                status = other.ask(mav.MAVLink_command_long_message(1, 1, *order), "SYS_STATUS")
+            except OSError:  # it is only starting
+                return False
             return bool(status.onboard_control_sensors_health & mav.MAV_SYS_STATUS_PREARM_CHECK)
 
         yield Subject(autopilot, f"udpin://127.0.0.1:{kind.port}", Path(folder), None, is_ready)
