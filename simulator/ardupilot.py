@@ -19,7 +19,7 @@ from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land
 from simulator.params import PACKED_PARAMETERS
 from simulator.physics import GPS_BIT, Home, Limits, Place, Velocity
 from simulator.store_ardupilot import ArduPilotStore
-from simulator.streams import Streams
+from simulator.streams import MESSAGE_IDS, Streams
 from simulator.telemetry import build_battery_status, build_sys_status
 
 MAV_AUTOPILOT_ARDUPILOT = 3
@@ -62,6 +62,8 @@ class Mode(IntEnum):
     BRAKE = 17
 
 
+TAKEOFFS = (messages.MavCommand.NAV_TAKEOFF, messages.MavCommand.NAV_VTOL_TAKEOFF)
+LANDINGS = (messages.MavCommand.NAV_LAND, messages.MavCommand.NAV_VTOL_LAND)
 STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD})
 """Without a remote control their throttle is low: in the air they sink."""
 ARMABLE = frozenset({*STICK_MODES, Mode.GUIDED})
@@ -109,15 +111,20 @@ class ArduPilot(Autopilot):
 
     def _own_commands(self) -> dict[int, Handler]:
         return {
-            messages.MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer_param(1)),
+            messages.MavCommand.DO_SET_MODE: lambda command: (
+                self.set_mode(command.integer_param(1)) if command.integer_param(0) & 1 else messages.Result.DENIED
+            ),
+            messages.MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda command: (
+                self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]) if command.params[0] == 1 else self.INVALID
+            ),
             messages.MavCommand.MISSION_START: self._start_mission,
             messages.MavCommand.DO_SET_MISSION_CURRENT: lambda command: (
                 messages.Result.ACCEPTED if self.select_item(command.integer_param(0)) else messages.Result.DENIED
             ),
             messages.MavCommand.DO_PAUSE_CONTINUE: self._pause_continue,
             messages.MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),
-            messages.MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
-            messages.MavCommand.NAV_TAKEOFF: self._take_off,
+            **dict.fromkeys(LANDINGS, lambda _: self.set_mode(Mode.LAND)),
+            **dict.fromkeys(TAKEOFFS, self._take_off),
             messages.MavCommand.NAV_LOITER_UNLIM: lambda _: self.set_mode(Mode.LOITER),
             messages.MavCommand.DO_REPOSITION: self._reposition,
             messages.MavCommand.CONDITION_YAW: self._turn,

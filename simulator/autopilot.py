@@ -62,7 +62,7 @@ class Autopilot(ABC):
     REFUSED: ClassVar[messages.Result]
     """The result of arming or disarming that is refused."""
     INVALID: ClassVar[messages.Result]
-    """The result of a request for a message that it does not have, or for a speed of nothing."""
+    """The result of a request for a message that it does not have."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
     """Whether a message that was requested comes behind the acknowledgement."""
     ACKNOWLEDGES_EVERYWHERE: ClassVar[bool]
@@ -542,7 +542,7 @@ class Autopilot(ABC):
 
     def _change_speed(self, command: messages.Command) -> messages.Result:
         if command.params[1] <= 0:
-            return self.INVALID
+            return messages.Result.DENIED
         self.mission.asked_m_s = command.params[1]
         self.frame.pilot.change_speed(self.mission.speed_m_s)
         return messages.Result.ACCEPTED

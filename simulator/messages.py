@@ -54,6 +54,8 @@ class MavCommand(IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     DO_ORBIT = 34
+    NAV_VTOL_TAKEOFF = 84
+    NAV_VTOL_LAND = 85
     CONDITION_YAW = 115
     DO_SET_MODE = 176
     DO_CHANGE_SPEED = 178

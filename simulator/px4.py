@@ -546,6 +546,8 @@ class Px4(Px4Guided):
                     pos_vert_ratio=0.05, mag_ratio=0.05, hagl_ratio=0.0, tas_ratio=0.0, pos_horiz_accuracy=0.5,
                     pos_vert_accuracy=0.5, flags=flags if self.is_ready else 0,
                 )  # fmt: skip
+            case "ORBIT_EXECUTION_STATUS":
+                return self._build_circle_report()
             case "WIND_COV":
                 east, north = self.vehicle.wind_m_s
                 return messages.build_message(

@@ -8,7 +8,7 @@ from enum import IntEnum
 
 from simulator import messages
 from simulator.autopilot import Autopilot, Handler
-from simulator.guidance import find_stopping_place
+from simulator.guidance import Circle, find_stopping_place
 from simulator.mission_px4 import Px4Mission
 from simulator.physics import Limits, Place
 
@@ -125,6 +125,16 @@ class Px4Guided(Autopilot):
             self._centre, abs(radius_m), math.copysign(speed_m_s, radius_m), self.params["MPC_XY_CRUISE"]
         )
         return result
+
+    def _build_circle_report(self) -> messages.Outbound | None:
+        circle = self.frame.pilot.goal
+        if not isinstance(circle, Circle):
+            return None
+        lat, lon = self.home.lat_lon_e7(circle.centre.east_m, circle.centre.north_m)
+        return messages.build_message(
+            "ORBIT_EXECUTION_STATUS", time_usec=self.boot_ms * 1000, frame=0, x=lat, y=lon,
+            radius=math.copysign(circle.radius_m, circle.speed_m_s), z=self.home.alt_m + circle.centre.up_m,
+        )  # fmt: skip
 
     def _follow_set_point(self, point: messages.SetPoint) -> None:
         if self.guided.note(point, self.now_s) and self.mode == Mode.OFFBOARD:

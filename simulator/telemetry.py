@@ -179,7 +179,8 @@ def _make_targets(vehicle: Autopilot) -> Mapping[str, Builder]:
     def local_target(to: Place) -> Outbound:
         return position_target("POSITION_TARGET_LOCAL_NED", LOCAL_NED, x=to.north_m, y=to.east_m, z=-to.up_m)
 
-    def navigation(to: Place) -> Outbound:
+    def navigation() -> Outbound:
+        to = target() or body.place
         east, north = to.east_m - body.east_m, to.north_m - body.north_m
         bearing = round(math.degrees(math.atan2(east, north)))
         return build_message(
@@ -195,16 +196,13 @@ def _make_targets(vehicle: Autopilot) -> Mapping[str, Builder]:
 
         return builder
 
-    named = {
-        "POSITION_TARGET_GLOBAL_INT": global_target, "POSITION_TARGET_LOCAL_NED": local_target,
-        "NAV_CONTROLLER_OUTPUT": navigation,
-    }  # fmt: skip
     return {
         "GPS_GLOBAL_ORIGIN": lambda: build_message(
             "GPS_GLOBAL_ORIGIN", latitude=home.lat_lon_e7(0.0, 0.0)[0], longitude=home.lat_lon_e7(0.0, 0.0)[1],
             altitude=round(home.alt_m * 1000), time_usec=vehicle.boot_ms * 1000,
         ),
-        **{name: when_known(build) for name, build in named.items()},
+        "POSITION_TARGET_GLOBAL_INT": when_known(global_target),
+        "POSITION_TARGET_LOCAL_NED": when_known(local_target), "NAV_CONTROLLER_OUTPUT": navigation,
     }  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from tests.peers.judging import PLACE_DEG, Subject, Suite
 
 NORTH_DEG = 0.001
 FILES = "wp,fence,rally,param,ftp,mode,arm,cmdlong,misc"
-NOTE = "A note of some length. " * 40
+NOTE = "".join(f"line {number} of a note\n" for number in range(400))
 WP_HEAD = "QGC WPL 110"
 
 

@@ -394,7 +394,7 @@ async def hear_text(at: Setting) -> None:
     await arming
 
 
-NOTE = b"A note of some length. " * 40
+NOTE = "".join(f"line {number} of a note\n" for number in range(400)).encode()
 
 
 async def list_files(at: Setting) -> None:
