@@ -158,6 +158,7 @@ class Suite(Generic[T]):
     """Those that are no coroutines may block: they have a thread."""
     autopilots: tuple[str, ...] = AUTOPILOTS
     find_version: Callable[[str], str] = find_distribution
+    install: str = "pip install --no-deps -r requirements-peers.lock"
 
     @property
     def version(self) -> str:

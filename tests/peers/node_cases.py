@@ -48,5 +48,7 @@ def by_node(name: str) -> Callable[[Subject], Awaitable[None]]:
 
 
 SUITES = {
-    "node-mavlink": Suite("node-mavlink", lent, {name: by_node(name) for name in NAMES}, find_version=find_package),
-}
+    "node-mavlink": Suite(
+        "node-mavlink", lent, {name: by_node(name) for name in NAMES}, find_version=find_package, install="npm ci"
+    ),
+}  # fmt: skip

@@ -1,6 +1,7 @@
 """What clients that nobody here wrote can do with a vehicle, case by case, and the table that says so.
 
     python -m tests.peers.suites [SUITE ...]          tries every case with simulated vehicles
+    python -m tests.peers.suites --again [SUITE ...]  tries those that failed once more
     python -m tests.peers.suites --real [SUITE ...]   tries those that failed with real autopilots (docs/sitl.md)
     python -m tests.peers.suites --real --all [SUITE ...]   tries all of them
 
@@ -118,10 +119,10 @@ async def _judge(subject: Subject, suite: str, case: str, patience_s: float | No
     return await SUITES[suite].find_fault(subject, case, **options)
 
 
-async def try_simulated(row: Row) -> None:
-    """Try every case of a row."""
+async def try_simulated(row: Row, cases: Sequence[str]) -> None:
+    """Try cases of a row."""
     row.failed = []
-    for case in SUITES[row.suite].cases:
+    for case in cases:
         if fault := await find_fault(row.suite, row.autopilot, case):
             row.failed.append(case)
             print(f"  {row.autopilot}, {row.suite}, {case}: {fault}", flush=True)
@@ -141,6 +142,7 @@ async def main(arguments: Sequence[str]) -> None:
     """Try what is asked for and write the page."""
     parser = argparse.ArgumentParser(prog="python -m tests.peers.suites", description=__doc__)
     parser.add_argument("suites", nargs="*", metavar="SUITE")
+    parser.add_argument("--again", action="store_true")
     parser.add_argument("--real", action="store_true")
     parser.add_argument("--all", action="store_true")
     asked = parser.parse_args(arguments)
@@ -148,7 +150,7 @@ async def main(arguments: Sequence[str]) -> None:
     for suite, autopilot in list_rows(asked.suites or ("",)):
         row = rows.setdefault((suite, autopilot), Row(suite, autopilot, []))
         if not asked.real:
-            await try_simulated(row)
+            await try_simulated(row, row.failed if asked.again else list(SUITES[suite].cases))
         elif find_real(autopilot):
             await try_real(row, list(SUITES[suite].cases) if asked.all else row.failed)
         print(row, flush=True)
