@@ -102,6 +102,15 @@ def write_whole(path: Path, content: bytes) -> None:
         os.close(folder)
 
 
+def stamp_file(path: Path) -> tuple[int, int] | None:
+    """Return when a file or folder was written, and its size: another one whenever it is; None where there is none."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    return found.st_mtime_ns, found.st_size
+
+
 def is_number(value: object) -> TypeGuard[int | float]:
     """Return whether a parsed JSON value is a finite number; a boolean is none, nor is what no float can hold."""
     most = sys.float_info.max

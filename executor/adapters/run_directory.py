@@ -54,8 +54,6 @@ class RunDirectory:
     """What was known of them before it; not there if nothing was."""
     page = _File("report.html")
     """The report to be read by people."""
-    map = _File("map.png")
-    """The map of the plan and of the flight."""
     profile = _File("profile.png")
     """The first plan from the side; not there if no raster knew the ground."""
     battery = _File("battery.png")
