@@ -61,7 +61,7 @@ class Engine:
 
     def read_page_address(self) -> str:
         """Return the page's address, as the site's service prints it."""
-        [address] = re.findall(r"http://\S+", podman("logs", self.container(f"site-{self.profile}")))
+        [address] = set(re.findall(r"http://\S+", podman("logs", self.container(f"site-{self.profile}"))))
         return address
 
     def report(self, into: Path) -> dict[str, Any]:
