@@ -69,6 +69,11 @@ class Autopilot:
         """Its binary, if there is one."""
         return os.environ.get(self.variable)
 
+    @property
+    def signs(self) -> bool:
+        """Whether it can sign: PX4 from 1.18 on, of which FAULTLINE_PX4_SIGNS tells."""
+        return self.name == "ardupilot" or bool(os.environ.get("FAULTLINE_PX4_SIGNS"))
+
 
 ARDUPILOT = Autopilot("ardupilot", "FAULTLINE_ARDUCOPTER", 16000)
 PX4 = Autopilot("px4", "FAULTLINE_PX4", 14540)
