@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -53,9 +53,7 @@ def summarise(plan: PlanFile | DayPlanFile) -> dict[str, Any]:
         "energy_pct": energy_pct,
         "window_pct": None if window is None else window.window_pct,
         "window_from_s": None if window is None else window.earliest_s,
-        "breaking": None if breaking is None else {
-            "vehicle": breaking.vehicle, "from_s": breaking.from_s, "to_s": breaking.to_s
-        },
+        "breaking": None if breaking is None else asdict(breaking),
         "uncovered": len(plan.uncovered) + len(plan.unreachable),
         "cost": plan.cost.name,
         "value": plan.cost.value,
@@ -73,9 +71,7 @@ def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, 
     """
     if isinstance(plan, DayPlanFile):
         lines = plan_summary.describe_day(plan)
-        rounds, windows = name_sortie_rounds(plan), [
-            {"vehicle": one.vehicle, "from_s": one.from_s, "breaks": one.breaks} for one in plan.windows
-        ]  # fmt: skip
+        rounds, windows = name_sortie_rounds(plan), [asdict(one) for one in plan.windows]
     else:
         lines = [*plan_summary.describe_routes(plan), *plan_summary.describe_window(plan)]
         rounds, windows = [plan.network_routes], []
@@ -90,8 +86,8 @@ def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, 
 
 def list_uncovered(plan: PlanFile | DayPlanFile) -> list[dict[str, Any]]:
     """Return what a plan does not inspect, and why."""
-    left = [{"segment": one.segment, "name": one.name, "why": one.why} for one in plan_summary.find_left_over(plan)]
-    return left + [{"segment": one.segment, "name": one.name, "why": one.why} for one in plan.unreachable]
+    left = (*plan_summary.find_left_over(plan), *plan.unreachable)
+    return [{"segment": one.segment, "name": one.name, "why": one.why} for one in left]
 
 
 def list_sorties(plan: PlanFile | DayPlanFile) -> list[Sortie]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 import missions
 import planner
@@ -50,19 +50,22 @@ MOST_FRONT = 12
 """Plans of a front that are kept."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlanSettings:
+class PlanSettings(BaseModel):
     """What is asked for."""
 
-    seconds: float = DEFAULT.seconds
-    cost: str | None = None
-    """Of a flight: a cost function, or `window`; without it as the command line chooses."""
-    seed: int = DEFAULT.seed
-    iterations: int | None = None
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)] = DEFAULT.seconds
+    """Time limit of the search."""
+    cost: Literal["minmax", "minsum", "mincomb", "window"] | None = None
+    """As `faultline plan --cost`; without it the window where there is one to search for."""
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = DEFAULT.seed
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    """After so many the search ends, within `seconds`: another computer then finds the same plan."""
     front: bool = False
+    """Several plans, between longest route, energy and window."""
     day: bool = False
-    after: str | None = None
-    """A run directory: what its flight left is planned."""
+    """Working days of many sorties."""
 
     def build_request(self) -> PlanRequest:
         """Return the same that the command line makes of these options."""
@@ -93,7 +96,9 @@ def load_planner() -> None:
     planner.replan(left.instance, warm=left.warm, stop=planner.Iterations(1))
 
 
-def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int) -> list[MadePlan]:
+def make_plans(
+    text: str, folder: Path, wish: PlanSettings, into: Path, job: int, after: Path | None = None
+) -> list[MadePlan]:
     """Plan a site, and write the plans.
 
     Args:
@@ -102,6 +107,7 @@ def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int
         wish: What is asked for.
         into: Where the plans go.
         job: Whose progress it is.
+        after: A run directory: what its flight left is planned.
 
     Raises:
         ExecutorError: the site cannot be planned for, nobody waits any more, or a plan cannot be written.
@@ -110,7 +116,7 @@ def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int
     """
     ground, told = read_site_model(text, folder), report_progress(job)
     wanted = wish.build_request()
-    left = None if wish.after is None else read_segments_left(Path(wish.after), ground)
+    left = None if after is None else read_segments_left(after, ground)
     if wish.day:
         return [keep_plan(_plan_day(ground, wanted, told, left), into)]
     if wish.front:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import missions
 from executor.errors import SiteError
@@ -26,6 +26,8 @@ NETWORKS = frozenset((
 """What a network's file may end in, where a folder is listed; what is opened by its name may end in anything."""
 HEAD = 4096
 VEHICLES = 3
+DRAFT = ".faultline-part"
+"""What the name of a file ends in that is still being received; it begins with a dot."""
 FileKind = Literal["site", "network", "plan"]
 
 
@@ -94,9 +96,11 @@ async def receive_file(folder: Path, name: str, content: AsyncIterator[bytes]) -
         SiteError: it is too long, or cannot be written.
     """
     path = find_free_name(folder / check_upload_name(name))
-    draft, length = path.with_name(path.name + ".part"), 0
+    draft, length = _draft_of(path), 0
     try:
         with draft.open("xb") as file:
+            with suppress(ImportError):  # a system without locks
+                _hold(file)
             async for chunk in content:
                 length += len(chunk)
                 if length > MOST_UPLOAD:
@@ -110,10 +114,34 @@ async def receive_file(folder: Path, name: str, content: AsyncIterator[bytes]) -
     return path
 
 
+def remove_drafts(folder: Path) -> None:
+    """Remove what a server that was killed had not received whole; what another one is receiving stays."""
+    for draft in folder.glob(f".*{DRAFT}"):
+        with suppress(OSError, ImportError), draft.open("rb") as file:
+            _hold(file)
+            draft.unlink()
+
+
+def _draft_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}{DRAFT}")
+
+
+def _hold(file: BinaryIO) -> None:
+    """Lock an open file for this process; the lock ends with it.
+
+    Raises:
+        BlockingIOError: another process holds it.
+        ImportError: the system has no such locks.
+    """
+    import fcntl
+
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
 def find_free_name(path: Path) -> Path:
     """Return a name that no file has: the wished one, or one with a number."""
     number, free = 1, path
-    while free.exists() or free.with_name(free.name + ".part").exists():
+    while free.exists() or _draft_of(free).exists():
         number += 1
         free = path.with_name(f"{path.stem}-{number}{path.suffix}")
     return free
