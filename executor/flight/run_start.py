@@ -297,7 +297,9 @@ def build_context_and_boards(
     """
     dialects = {table.name: missions.dialect_for(table.autopilot) for table in ground.site.vehicle}
     performances = {
-        name: missions.apply_tunings(dialects[name].performance, dialects[name].tunings, known)
+        name: missions.apply_tunings(
+            dialects[name].performance, dialects[name].tunings, missions.add_first_names(dialects[name], known)
+        )
         for name, known in parameters.items()
     }
     task = plan.build_task()

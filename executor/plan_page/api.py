@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal
@@ -79,8 +80,8 @@ class LossBody(Body):
     """A loss to think of."""
 
     vehicle: Annotated[str, Field(max_length=32)]
-    at_s: Annotated[float, Field(ge=0, le=1e6)]
-    """From the start of the plan."""
+    at_s: Annotated[float, Field(ge=0, le=1e7)]
+    """From the start of the plan; of days from the first midnight."""
 
 
 class ChangesBody(Body):
@@ -298,11 +299,15 @@ def _add_planning(api: FastAPI, workspace: Workspace) -> None:
         return JsonBytes(json_text(await planning.change(workspace.now, plan, body.changes, keep=body.keep)))
 
 
-REPORT = {
-    "content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
+REPORT = (
+    "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'"
-}
-"""A report is one file, without scripts: its style stands in it."""
+)
+"""A report is one file: its style stands in it, and the script of its map. It is no page of this server, whose site it
+could change: to a browser it is of nobody's origin, and may fetch nothing."""
+SCRIPT = re.compile(rb"script-src '(sha256-[A-Za-z0-9+/]{43}=)'")
+HEAD = 4096
+"""Bytes in which a report names the script that it has."""
 
 
 def _add_flights(api: FastAPI, workspace: Workspace) -> None:
@@ -328,11 +333,14 @@ def _add_flights(api: FastAPI, workspace: Workspace) -> None:
 
     @api.get("/api/report")
     def get_report(run: Annotated[str, Query(max_length=200)]) -> Response:
-        """Return the report of a flight, as a page without scripts."""
+        """Return the report of a flight, as a page that can do nothing here."""
         page = RunDirectory(flights.find_run(workspace.root, run)).page
         if not page.is_file():
             raise HTTPException(404, "there is no report yet")
-        return Response(page.read_bytes(), 200, REPORT, "text/html; charset=utf-8")
+        content = page.read_bytes()
+        script = SCRIPT.search(content, 0, HEAD)
+        policy = REPORT if script is None else f"{REPORT}; script-src '{script[1].decode()}'"
+        return Response(content, 200, {"content-security-policy": policy}, "text/html; charset=utf-8")
 
     @api.post("/api/left", responses=answer_of(answers.JobAnswer))
     async def post_left(body: LeftBody) -> Response:

@@ -119,6 +119,7 @@ class Planning:
 
     async def warm_up(self) -> None:
         """Load what plans and answers need, in both processes."""
+        await self.answers.run(abs, 0)  # a site that is read already goes first, with all processors
         await asyncio.gather(self.planner.run(load_planner), self.answers.run(load_planner))
         self.warm = True
         self._changed()

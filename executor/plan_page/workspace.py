@@ -48,6 +48,8 @@ class Workspace:
         """Of which revision `view` is."""
         self.news = asyncio.Event()
         """Set when there is something new for the stream."""
+        for folder in {self.root, self.folder}:
+            site_files.remove_drafts(folder)
         self.planning = Planning(self.news.set)
         self.tabs: Callable[[], int] = lambda: 0
         self._values: Mapping[str, Any] = {}

@@ -10,6 +10,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from executor.adapters.web.snapshot import BesideFleet, BesideVehicle, PageAssets, PageChart
+from executor.analysis.report_map import ReportMap
 from executor.core.fleet_view import FleetView
 from executor.plan_page import api_answers as answers
 from executor.site.ground_view import GroundDocument
@@ -20,7 +21,7 @@ TYPES = "../executor/adapters/web/documents.d.ts"
 DOCUMENTS = (
     FleetView, BesideFleet, BesideVehicle, PageChart, PageAssets, GroundDocument, answers.WorkspaceAnswer,
     answers.NetworkAnswer, answers.GroundAnswer, answers.PlanPart, answers.LossAnswer, answers.ChangeAnswer,
-    answers.TryAnswer, answers.FlightPart,
+    answers.TryAnswer, answers.FlightPart, ReportMap,
 )  # fmt: skip
 PLAIN: dict[object, str] = {
     Any: "any",

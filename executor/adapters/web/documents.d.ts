@@ -74,6 +74,10 @@ export interface PageChart {
   assets: [number, number][];
   /** Of each segment. */
   names: string[];
+  /** Segments that are none of this flight. */
+  left_out: number[];
+  /** Segments in an area, or behind one. */
+  unreachable: number[];
   areas: PageArea[];
   segments_m: [[number, number], [number, number]][];
   vehicles: PageVehicle[];
@@ -199,6 +203,16 @@ export interface FlightPart {
   running: boolean;
   has_report: boolean;
   report: FlightReportPart | null;
+}
+
+/** `flight` in report.html: what its map shows. */
+export interface ReportMap {
+  frame: ReportFrame | null;
+  segments: ReportSegment[];
+  areas: ReportArea[];
+  places: ReportPlace[];
+  vehicles: ReportVehicle[];
+  plans: ReportPlan[];
 }
 
 /** A re-plan under way. */
@@ -533,6 +547,59 @@ export interface FlightReportPart {
   lost: string[];
 }
 
+/** Where the local metres begin. */
+export interface ReportFrame {
+  lat_deg: number;
+  lon_deg: number;
+}
+
+/** A segment on a report's map. */
+export interface ReportSegment {
+  name: string;
+  ends_m: [[number, number], [number, number]];
+  /** As the map has them: done, inferred, missed, left-over, left-out or unreachable. */
+  state: string;
+  /** Who inspected it. */
+  by: string | null;
+  /** When that was; empty where it is not known. */
+  at: string;
+  /** Whose it was by the first plan. */
+  planned: string | null;
+  /** Whether a vehicle that was lost had left it. */
+  taken_over: boolean;
+}
+
+/** What flights keep out of. */
+export interface ReportArea {
+  name: string;
+  limit: boolean;
+  outlines_m: [number, number][][];
+}
+
+/** Where vehicles may land beside their pads. */
+export interface ReportPlace {
+  /** base or alternate. */
+  kind: string;
+  name: string;
+  place_m: [number, number];
+}
+
+/** A vehicle on a report's map. */
+export interface ReportVehicle {
+  name: string;
+  pad_m: [number, number];
+  /** Its track in pieces: nothing was heard between them. */
+  flown_m: [number, number][][];
+  lost: ReportLoss | null;
+  end: ReportEnd | null;
+}
+
+/** The first plan, or a re-plan. */
+export interface ReportPlan {
+  name: string;
+  routes: ReportRoute[];
+}
+
 /** Where a vehicle is. */
 export interface PositionView {
   lat_deg: number;
@@ -682,6 +749,27 @@ export interface RoutePart {
   visits: VisitPart[];
   /** Corners of the way, straight between: seconds, latitude, longitude, metres up from the depot, battery in percent. Of days seconds from the first midnight. */
   track: [number, number, number, number, number][];
+}
+
+/** A vehicle that was lost. */
+export interface ReportLoss {
+  /** Where it was by GPS last. */
+  place_m: [number, number];
+  at: string;
+  why: string;
+}
+
+/** A vehicle that is not at home. */
+export interface ReportEnd {
+  /** Where it was heard last. */
+  place_m: [number, number];
+  state: string;
+}
+
+/** A route of a plan. */
+export interface ReportRoute {
+  vehicle: string;
+  way_m: [number, number][];
 }
 
 /** A place of a vehicle, and how fast it was there. */

@@ -179,6 +179,8 @@ async function loadChart(stamp) {
       planned = content.window;
       if (state !== null) showPlanned(state);
       chart.load(content);
+      byId("legend-out").hidden = !content.left_out.length;
+      byId("legend-barred").hidden = !content.unreachable.length;
       assets.load(content);
       charted = stamp;
     }

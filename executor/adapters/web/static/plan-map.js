@@ -22,7 +22,8 @@ export class PlanMap {
     this.made = made;
     /** @type {Tool} */
     this.tool = "pick";
-    this.isFitted = false;
+    /** The network that the map was fitted to. */
+    this.fitted = "";
     this.grounded = "";
     this.wasLost = false;
     this.map = new FleetMap(byId("plan-map"), {
@@ -190,14 +191,12 @@ export class PlanMap {
     })));
     byId("legend-locked").hidden = !locks.size;
     byId("legend-out").hidden = !network?.segments.some((one) => one.left_out);
+    byId("legend-barred").hidden = !network?.segments.some((one) => one.unreachable && !one.left_out);
     byId("legend-left").hidden = !over.size;
     byId("chart").classList.toggle("planned", this.store.shown !== null);
     if (network) this.loadGround();
-    if (network && !this.isFitted) {
-      this.isFitted = true;
-      this.map.fit();
-    }
-    if (!network) this.isFitted = false;
+    if (network && this.fitted !== network.source) this.map.fit();
+    this.fitted = network?.source ?? "";
   }
 
   showGround() {
