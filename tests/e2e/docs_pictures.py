@@ -76,9 +76,10 @@ async def draw_operator_page(folder: Path) -> None:
     """Write the picture of the page to fly by."""
     scenes, window = fly_story()
     shown = Shown(scenes[0])
-    with shown.serving(window=window) as address, httpx.Client() as client:
-        for shown.scene in scenes:  # so the page knows where everybody has flown
-            client.get(f"{address}state").raise_for_status()
+    with shown.serving(window=window) as address:
+        async with httpx.AsyncClient(base_url=address) as client:
+            for shown.scene in scenes:  # so the page knows where everybody has flown
+                (await client.get("state")).raise_for_status()
         shown.began_s = time.monotonic()
         async with browsing(address) as page:
             await page.locator(".strip").nth(USUAL_VEHICLES - 1).wait_for()
