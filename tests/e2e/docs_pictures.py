@@ -29,7 +29,7 @@ from tests.e2e.plan_scenes import draw_plan_scene
 from tests.fakes.flight import Story
 
 TUTORIAL = ("plan-dropped", "plan-planned", "plan-lost", "plan-by-hand")
-BEGUN_S, SILENT_S = 290, 32
+BEGUN_S, SILENT_S = 240, 24
 """So long into the flight the link is lost, and so long it is silent until somebody looks."""
 
 
@@ -64,7 +64,7 @@ def fly_story() -> tuple[list[Scene], Window | None]:
     story.crafts["uav2"].mute = True
     pass_s(SILENT_S)
     story.ask(Action.HOLD, "uav1")
-    pass_s(20)
+    pass_s(12)
     return scenes, plan.window
 
 
