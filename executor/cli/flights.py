@@ -14,7 +14,7 @@ import typer
 from executor.adapters import clock
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
-from executor.adapters.run_directory import RunDirectory, create_run_directory
+from executor.adapters.run_directory import RunDirectory, check_can_fly, create_run_directory
 from executor.analysis.documents import CheckRow, FlightReport, describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
 from executor.cli import options, plan_inputs
@@ -68,6 +68,7 @@ def demo(
     as_json: options.JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
+    check_can_fly(run or Path("runs"))
     content = simulated_fleet.build_demo_site(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )

@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -24,6 +23,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 import missions
+from executor import __version__
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, DISK_S, EventLog, LogPlace, is_place_in_log, to_plain
 from executor.adapters.run_directory import RunDirectory
@@ -121,10 +121,7 @@ class _Vehicle(_Part):
 def describe_program() -> str:
     """Return the version of this program, and the shape of the state that it knows."""
     shape = json.dumps([model.model_json_schema() for model in (_Fleet, _Vehicle)], sort_keys=True)
-    release = ""
-    with suppress(PackageNotFoundError):  # run from its sources
-        release = version("faultline")
-    return f"{release} {_compute_digest(shape.encode())[:16]}"
+    return f"{__version__} {_compute_digest(shape.encode())[:16]}"
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Literal
 
 import missions
 from executor.errors import SiteError
 from executor.plan_page.site_store import WORK_FOLDER
+from executor.plan_page.site_view import import_network_once
 from executor.site.new_site import render_site_template
+from executor.site.site_keys import NetworkTable
 from executor.site.site_model import DEFAULT_NETWORK
-from missions.files import write_whole
+from missions.files import stamp_file, write_whole
 
 MOST_UPLOAD = 100_000_000
 """Bytes of a file."""
@@ -153,8 +154,8 @@ def make_site(folder: Path, network: Path | None) -> Path:
         NetworkError: the network cannot be used.
         SiteError: the site cannot be written.
     """
-    known = missions.import_network(network or missions.default_network_path(), anywhere=True)
     file = DEFAULT_NETWORK if network is None else Path(os.path.relpath(network, folder)).as_posix()
+    known = import_network_once(NetworkTable(file=file), None, folder)
     text = render_site_template(
         VEHICLES, missions.AUTOPILOTS[0].name, file=file, has_heights=known.network.has_heights, depot=None,
         has_depot=known.has_depot, radius_m=None, choice={},
@@ -189,10 +190,5 @@ def stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
         for one in tables if isinstance(tables, list) else [tables]:
             files = one.get(key) if isinstance(one, dict) else None
             named += files if isinstance(files, list) else [files]
-    stamps: list[object] = []
-    for file in named:
-        with suppress(OSError, ValueError):
-            if isinstance(file, str):
-                stat = (folder / file).stat()
-                stamps += [file, stat.st_mtime_ns, stat.st_size]
-    return stamps
+    known = [one for one in named if isinstance(one, str)]
+    return [part for one in known if (stamp := stamp_file(folder / one)) is not None for part in (one, *stamp)]

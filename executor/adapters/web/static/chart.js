@@ -2,12 +2,13 @@
 import { byId } from "./elements.js";
 import { FleetMap, hueOf } from "./map.js";
 import { areasOf } from "./map-content.js";
+import { say } from "./translation.js";
 
 /** @import { PageChart, PageVehicle, Place, State, Vehicle } from "../documents.js" */
 /** @import { MapRoute, MapVehicle, SegmentState } from "./map-content.js" */
 
 /** @type {Record<string, string>} */
-const STATES = { pilot: ": with its pilot", down: ": keep away", lost: ": lost" };
+const STATES = { pilot: "with its pilot", down: "keep away", lost: "lost" };
 const TOLD = new Set(["flying", "holding", "starting", "returning", "landing", "pilot", "down"]);
 const AHEAD = new Set(["flying", "holding", "starting", "pilot"]);
 const STEP_M = 3;
@@ -20,7 +21,7 @@ export class Chart {
    */
   constructor(choose, pointed, touched) {
     this.map = new FleetMap(byId("map"), {
-      name: "Map of the line, the routes and the vehicles",
+      name: say("Map of the line, the routes and the vehicles"),
       isMetres: true,
       isOfFlight: true,
       onPoint: pointed,
@@ -115,7 +116,7 @@ export class Chart {
     return {
       name, place, heading_deg: position?.heading_deg ?? null, colour: hueOf(index), state, isChosen: this.chosen === name, isStale: vehicle.stale,
       isFaulty: vehicle.fault !== null, isOutside: vehicle.loss?.inside_window === false,
-      label: isTold ? `${name}${STATES[state] ?? ` L${vehicle.layer + 1}${height}`}` : "",
+      label: isTold ? `${name}${STATES[state] ? `: ${say(STATES[state])}` : ` L${vehicle.layer + 1}${height}`}` : "",
     };
   }
 }

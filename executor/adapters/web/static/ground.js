@@ -1,4 +1,5 @@
 // What lies below the map: a picture of the ground or its relief, contour lines, and what is known of a place.
+import { say } from "./translation.js";
 
 /** @import { Contour, GroundDocument, Place } from "../documents.js" */
 /** @import { Painter } from "./map-painter.js" */
@@ -87,7 +88,7 @@ export class Ground {
   attribution() {
     if (this.document === null || this.layer === "plain") return "";
     const { relief } = this.document;
-    const lines = relief && this.lines.length ? `contours every ${relief.interval_m} m` : "";
+    const lines = relief && this.lines.length ? say("contours every {interval} m", { interval: relief.interval_m }) : "";
     return [lines, this.layer === "photo" ? this.document.attribution : ""].filter(Boolean).join(" · ");
   }
 
@@ -165,7 +166,7 @@ export class Ground {
     const lon = between(this.document, place, degrees, degrees.lon_deg, true);
     if (lat === null || lon === null) return "";
     const metres = relief ? between(this.document, place, relief.heights, relief.heights.metres, false) : null;
-    return `${lat.toFixed(6)}, ${lon.toFixed(6)}${metres === null ? "" : ` · ground ${metres.toFixed(0)} m`}`;
+    return `${lat.toFixed(6)}, ${lon.toFixed(6)}${metres === null ? "" : say(" · ground {height} m", { height: metres.toFixed(0) })}`;
   }
 }
 
