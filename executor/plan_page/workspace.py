@@ -48,7 +48,7 @@ class Workspace:
         """Of which revision `view` is."""
         self.news = asyncio.Event()
         """Set when there is something new for the stream."""
-        for folder in {self.root, self.folder}:
+        for folder in {self.root} if store is None else {self.root, store.path.parent}:
             site_files.remove_drafts(folder)
         self.planning = Planning(self.news.set)
         self.tabs: Callable[[], int] = lambda: 0

@@ -26,7 +26,7 @@ class Kit:
 @asynccontextmanager
 async def connected(subject: Subject) -> AsyncIterator[Kit]:
     """Connect."""
-    from mavkit import Vehicle  # noqa: PLC0415 - optional
+    from mavkit import Vehicle
 
     vehicle = await Vehicle.connect(subject.listen())
     try:
@@ -35,9 +35,9 @@ async def connected(subject: Subject) -> AsyncIterator[Kit]:
         await vehicle.disconnect()
 
 
-def build_plan(kind: str, *commands: int) -> Any:  # noqa: ANN401 - optional
+def build_plan(kind: str, *commands: int) -> Any:
     """Return a plan of items further and further north."""
-    from mavkit import HomePosition, MissionFrame, MissionItem, MissionPlan, MissionType  # noqa: PLC0415 - optional
+    from mavkit import HomePosition, MissionFrame, MissionItem, MissionPlan, MissionType
 
     items = [
         MissionItem(

@@ -277,7 +277,9 @@ def by_files(kind: str) -> Callable[[Console], Awaitable[None]]:
     """Return a case: items put on board and read back as a file, as ArduPilot has it."""
 
     async def case(at: Console) -> None:
-        name, back = {"wp": ("mission", "way"), "fence": ("fence", "fence-items"), "rally": ("rally", "rally-items")}[kind]
+        name, back = {"wp": ("mission", "way"), "fence": ("fence", "fence-items"), "rally": ("rally", "rally-items")}[
+            kind
+        ]
         {"wp": write_mission, "fence": write_fence, "rally": write_rally}[kind](at.subject.folder)
         await at.ask(f"{kind} ftpload {name}.txt", "Sent ")
         await at.ask(f"{kind} ftp", f"to ./{back}.txt")
