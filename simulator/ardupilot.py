@@ -35,6 +35,7 @@ SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
 """From the recorded flights: (present, enabled, healthy)."""
 BATTERY_BIT = 0x02000000
 FENCE_BIT = 0x00100000
+EVERY_FENCE = 0xFF
 GIVES_UP_M = 100.0
 """AC_FENCE_GIVE_UP_DISTANCE."""
 EKF_BOOT = 1024
@@ -103,6 +104,7 @@ class ArduPilot(Autopilot):
         self._shapes: tuple[mission_store.FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
+        self._fences_on = self._fences_off = 0
         self._drifts = False
         """Whether it flies at a speed that was asked for as guided."""
         self._battery_level = 0
@@ -129,6 +131,7 @@ class ArduPilot(Autopilot):
             messages.MavCommand.NAV_LOITER_UNLIM: lambda _: self.set_mode(Mode.LOITER),
             messages.MavCommand.DO_REPOSITION: self._reposition,
             messages.MavCommand.CONDITION_YAW: self._turn,
+            messages.MavCommand.DO_FENCE_ENABLE: self._enable_fence,
         }
 
     def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
@@ -332,6 +335,7 @@ class ArduPilot(Autopilot):
     def _on_boot(self) -> None:
         self.mode = Mode.STABILIZE
         self.hands = self._breached = False
+        self._fences_on = self._fences_off = 0
         self._gcs_failsafe = self._ekf_failsafe = False
         self.store.slow_s = 0.0
         self._battery_level = 0
@@ -395,7 +399,7 @@ class ArduPilot(Autopilot):
 
     def _watch_fence(self) -> None:
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
-        if not self.params["FENCE_ENABLE"] or self.frame.body.on_ground:
+        if not self._fences or self.frame.body.on_ground:
             return
         place, was_outside = self.frame.body.place, self._outside
         found = self._find_breaches(place)
@@ -417,8 +421,21 @@ class ArduPilot(Autopilot):
         far = mission_store.distance_outside_m(self._shapes, place) > GIVES_UP_M
         self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
 
+    @property
+    def _fences(self) -> int:
+        """Kinds of fences that are on, in the bits of FENCE_TYPE: by parameter, or by command until it restarts."""
+        on = -1 if self.params["FENCE_ENABLE"] else 0
+        return (on | self._fences_on) & ~self._fences_off & int(self.params["FENCE_TYPE"])
+
+    def _enable_fence(self, command: messages.Command) -> messages.Result:
+        order, kinds = command.integer_param(0), command.integer_param(1) or EVERY_FENCE
+        if order not in {0, 1}:
+            return messages.Result.ACCEPTED if order == 2 else messages.Result.FAILED  # 2 is of least heights alone
+        self._fences_on = self._fences_on | kinds if order else self._fences_on & ~kinds
+        self._fences_off = self._fences_off & ~kinds if order else self._fences_off | kinds
+        return messages.Result.ACCEPTED
+
     def _find_breaches(self, place: Place) -> list[str]:
-        kinds = int(self.params["FENCE_TYPE"]) if self.params["FENCE_ENABLE"] else 0
         return [
             name
             for bit, name, out in (
@@ -426,7 +443,7 @@ class ArduPilot(Autopilot):
                 (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
                 (4, "Polygon", not mission_store.is_inside(self._shapes, place)),
             )
-            if kinds & bit and out
+            if self._fences & bit and out
         ]
 
     def _watch_gcs(self) -> None:
@@ -494,7 +511,7 @@ class ArduPilot(Autopilot):
         if not self.is_ready:
             return SENSORS_BOOT
         present, enabled, healthy = SENSORS_ARMED if self.frame.armed else SENSORS_IDLE
-        if self.params["FENCE_ENABLE"]:
+        if self._fences:
             enabled |= FENCE_BIT
             healthy = healthy & ~FENCE_BIT if self._outside else healthy | FENCE_BIT
         healthy = healthy & ~GPS_BIT if self.positioning.without_s(self.now_s) else healthy
