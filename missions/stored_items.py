@@ -13,14 +13,16 @@ from missions.items import PAYLOAD, PLAIN_FRAMES, Command, Frame, MissionItem
 def predict_stored_item(item: MissionItem) -> MissionItem:
     """Return an item as ArduPilot will send it back.
 
-    Measured: `current` is 0 everywhere, DO_CHANGE_SPEED and RTL come back with frame 0. From AP_Mission.cpp: frames
-    with and without _INT are one, heights are cut to centimetres, the hold to whole seconds, and of a landing's param4
-    the sign stays.
+    Measured: `current` is 0 everywhere, DO_CHANGE_SPEED and RTL come back with frame 0 and without a place. From
+    AP_Mission.cpp: frames with and without _INT are one, heights are cut to centimetres, the hold to whole seconds, and of
+    a landing's param4 the sign stays.
     """
     is_relative = PLAIN_FRAMES.get(item.frame, item.frame) == Frame.GLOBAL_RELATIVE_ALT
     stored = replace(item, current=False, frame=Frame.GLOBAL_RELATIVE_ALT if is_relative else Frame.GLOBAL)
-    if item.command in {Command.DO_CHANGE_SPEED, Command.NAV_RETURN_TO_LAUNCH}:
-        return replace(stored, frame=Frame.GLOBAL)
+    if item.command == Command.DO_CHANGE_SPEED:
+        return replace(stored, frame=Frame.GLOBAL, param4=0.0, x=0, y=0, z=0.0)
+    if item.command == Command.NAV_RETURN_TO_LAUNCH:
+        return MissionItem(item.seq, Frame.GLOBAL, item.command, autocontinue=item.autocontinue)
     if item.command in PAYLOAD - {Command.DO_SET_ROI_LOCATION}:
         return _predict_payload(replace(stored, frame=Frame.GLOBAL))
     height_cm = np.trunc(np.float32(item.z) * np.float32(100.0))

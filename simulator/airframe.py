@@ -95,7 +95,7 @@ class Airframe:
         return self.armed and not self._falling
 
     @property
-    def _air_speed_m_s(self) -> float:
+    def air_speed_m_s(self) -> float:
         """Horizontal speed through the air: over ground it flies as it is told, whatever the wind."""
         if self.body.on_ground:
             return 0.0
@@ -127,7 +127,7 @@ class Airframe:
     def step(self, now_s: float, dt_s: float) -> None:
         """Live for ``dt_s``, until ``now_s``."""
         self._now_s = now_s
-        self.battery.step(dt_s, motors=self.motors_on, speed_m_s=self._air_speed_m_s, climb_m_s=self.body.v_up_m_s)
+        self.battery.step(dt_s, motors=self.motors_on, speed_m_s=self.air_speed_m_s, climb_m_s=self.body.v_up_m_s)
         self.highest_m = max(self.highest_m, self.body.up_m)
         if self._falling:
             self._fall(dt_s)

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import ClassVar
 
 from missions.items import Command as ItemCommand
 from missions.items import Frame, MissionItem
-from simulator import messages, mission_store
+from simulator import messages, mission_file, mission_store
 from simulator.airframe import AirframeSettings
-from simulator.autopilot import Autopilot
+from simulator.autopilot import Autopilot, Handler
 from simulator.config import SimVehicle
+from simulator.files import ArduPilotFileServer, FileServer, FileTree, VirtualFile
 from simulator.guidance import ThrottleDescent, find_stopping_place
 from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
-from simulator.physics import GPS_BIT, Home, Limits
+from simulator.params import PACKED_PARAMETERS
+from simulator.physics import GPS_BIT, Home, Limits, Place, Velocity
 from simulator.store_ardupilot import ArduPilotStore
+from simulator.streams import MESSAGE_IDS, Streams
+from simulator.telemetry import build_battery_status, build_sys_status
 
 MAV_AUTOPILOT_ARDUPILOT = 3
 LIMITS = Limits(accelerate_m_s2=1.5, brake_m_s2=2.0, climb_m_s=2.5, descend_m_s=2.5, vertical_m_s2=1.0, corner_m_s2=2.5)
@@ -58,6 +62,8 @@ class Mode(IntEnum):
     BRAKE = 17
 
 
+TAKEOFFS = (messages.MavCommand.NAV_TAKEOFF, messages.MavCommand.NAV_VTOL_TAKEOFF)
+LANDINGS = (messages.MavCommand.NAV_LAND, messages.MavCommand.NAV_VTOL_LAND)
 STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD})
 """Without a remote control their throttle is low: in the air they sink."""
 ARMABLE = frozenset({*STICK_MODES, Mode.GUIDED})
@@ -80,8 +86,10 @@ class ArduPilot(Autopilot):
     KILL_SAYS: ClassVar = "RC: Motors Emergency Stopped"
     WORDS: ClassVar = Mode.__members__
     FIX: ClassVar = 6
-    CAPABILITIES: ClassVar = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 13
-    """Missions in float and int, parameters as floats, COMMAND_INT, MAVLink 2."""
+    CAPABILITIES: ClassVar = sum(1 << bit for bit in (0, 1, 2, 3, 5, 7, 8, 13, 14, 15))
+    """Missions in float and int, parameters as floats, COMMAND_INT, files, set-points of both kinds, MAVLink 2, fence,
+    rally points."""
+    UNKNOWN: ClassVar = frozenset({"ALTITUDE", "ODOMETRY", "ACTUATOR_OUTPUT_STATUS", "HIL_STATE_QUATERNION"})
     VERSION: ClassVar = (4, 7, 0, DEV)
 
     def __init__(self, vehicle: SimVehicle) -> None:
@@ -95,23 +103,64 @@ class ArduPilot(Autopilot):
         self._shapes: tuple[mission_store.FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
+        self._drifts = False
+        """Whether it flies at a speed that was asked for as guided."""
         self._battery_level = 0
         self._low_since_s: dict[int, float] = {}
         self._gauge_offset_pct = 0.0
         """The coulomb counter begins at 100 % with every boot, whatever the pack holds."""
 
-    def _own_commands(self) -> dict[int, Callable[[messages.Command], messages.Result]]:
+    def _own_commands(self) -> dict[int, Handler]:
         return {
-            messages.MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer_param(1)),
+            messages.MavCommand.DO_SET_MODE: lambda command: (
+                self.set_mode(command.integer_param(1)) if command.integer_param(0) & 1 else messages.Result.DENIED
+            ),
+            messages.MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda command: (
+                self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]) if command.params[0] == 1 else self.INVALID
+            ),
             messages.MavCommand.MISSION_START: self._start_mission,
             messages.MavCommand.DO_SET_MISSION_CURRENT: lambda command: (
                 messages.Result.ACCEPTED if self.select_item(command.integer_param(0)) else messages.Result.DENIED
             ),
             messages.MavCommand.DO_PAUSE_CONTINUE: self._pause_continue,
             messages.MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),
-            messages.MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
-            messages.MavCommand.NAV_TAKEOFF: self._take_off,
+            **dict.fromkeys(LANDINGS, lambda _: self.set_mode(Mode.LAND)),
+            **dict.fromkeys(TAKEOFFS, self._take_off),
+            messages.MavCommand.NAV_LOITER_UNLIM: lambda _: self.set_mode(Mode.LOITER),
+            messages.MavCommand.DO_REPOSITION: self._reposition,
+            messages.MavCommand.CONDITION_YAW: self._turn,
         }
+
+    def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
+        self._file_server = ArduPilotFileServer(
+            tree, self._find_virtual_file, lambda text: self.voice.send_text(messages.Severity.DEBUG, text)
+        )
+        return [self._file_server]
+
+    def _find_virtual_file(self, path: str) -> VirtualFile | None:
+        """Return a file that stands for the parameters or for a list on board."""
+        name, _, query = path.partition("?")
+        if name == PACKED_PARAMETERS:
+            with_defaults = "withdefaults=1" in query
+            return VirtualFile(
+                self.params.packed_bytes, lambda most: self.params.pack(most, with_defaults=with_defaults)
+            )
+        if name not in mission_file.NAMES:
+            return None
+        kind = mission_file.NAMES.index(name)
+        items = (self.store.items, self.store.fence, self.store.rally)[kind]
+        takes = kind == 0 and self.store.fault is mission_store.UploadFault.NONE
+        return VirtualFile(
+            mission_file.FILE_BYTES,
+            lambda _: mission_file.build_file(kind, items),
+            self._put_mission if takes else None,
+        )
+
+    def _put_mission(self, data: bytes) -> None:
+        part = mission_file.read_part(data)
+        if part is not None:
+            step = self.store.put_file_part(part, locked=self._is_mission_locked())
+            self._apply_store_step(step, self._file_server.link)
 
     # Modes.
 
@@ -152,7 +201,7 @@ class ArduPilot(Autopilot):
 
     def _enter(self, mode: Mode) -> None:
         pilot = self.frame.pilot
-        self.frame.climbing_out = False
+        self.frame.climbing_out = self._drifts = False
         match mode:
             case Mode.AUTO:
                 self.begin_mission()
@@ -199,6 +248,41 @@ class ArduPilot(Autopilot):
         if self.mode != Mode.GUIDED or not self.frame.armed or not self.frame.body.on_ground:
             return messages.Result.FAILED
         self.frame.pilot.fly(self.frame.take_off(command.params[6], LIMITS.climb_m_s))
+        return messages.Result.ACCEPTED
+
+    def _reposition(self, command: messages.Command) -> messages.Result:
+        """Fly to a place as guided; without a frame it does not know the command."""
+        if command.frame is None:
+            return messages.Result.UNSUPPORTED
+        where = command.place_e7
+        place = None if where in {None, (0, 0)} else self.guided.locate(where, command.params[6], command.frame)
+        if place is None or (self.mode != Mode.GUIDED and not command.integer_param(1) & 1):
+            return messages.Result.DENIED
+        if self._find_breaches(place) or self.set_mode(Mode.GUIDED) is not messages.Result.ACCEPTED:
+            return messages.Result.FAILED
+        self._drifts = False
+        self.guided.go(place, self.mission.speed_m_s)
+        return messages.Result.ACCEPTED
+
+    def _follow_set_point(self, point: messages.SetPoint) -> None:
+        """Fly to a place, or at a speed for as long as it is told so; what says nothing stops it."""
+        if self.mode != Mode.GUIDED or not self.guided.may_move:
+            return
+        said = self.guided.note(point, self.now_s)
+        self._drifts = isinstance(self.guided.last, Velocity)
+        if not said or (isinstance(self.guided.last, Place) and self._find_breaches(self.guided.last)):
+            self.frame.pilot.hold()
+        else:
+            self.guided.follow(self.mission.speed_m_s)
+
+    def _turn(self, command: messages.Command) -> messages.Result:
+        """Turn the nose: to a bearing, or by an angle."""
+        angle_deg, direction, relative = command.params[0], command.params[2], command.params[3]
+        if not 0.0 <= angle_deg <= 360.0 or relative not in {0.0, 1.0}:
+            return messages.Result.FAILED
+        start_rad = self.frame.body.yaw_rad if relative else 0.0
+        turned = -angle_deg if relative and direction < 0 else angle_deg
+        self.frame.body.face_rad = math.remainder(start_rad + math.radians(turned), 2 * math.pi)
         return messages.Result.ACCEPTED
 
     def _refuse_arming(self) -> str | None:
@@ -267,17 +351,10 @@ class ArduPilot(Autopilot):
         streams = self.streams
         streams.radio_slow_s = self.store.slow_s = min(MOST_SLOW_S, max(0.0, streams.radio_slow_s + change_s))
 
-    def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
+    def _slow_down(self, streams: Streams, interval_s: float) -> float:
         receives = self.store.is_receiving and streams is self.schedules[self.store.upload_link]
-        receives = receives or self.store.is_file_open(self.now_s)
+        receives = receives or self._file_server.is_active(self.now_s)
         return (interval_s + streams.radio_slow_s) * (4.0 if receives else 1.0)
-
-    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
-        if isinstance(body, messages.FileRequest):
-            step = self.store.handle_file(body, sender, self.now_s, locked=self._is_mission_locked())
-            self._apply_store_step(step, sender.link)
-        else:
-            super()._answer(sender, body)
 
     def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO
@@ -299,6 +376,9 @@ class ArduPilot(Autopilot):
 
     def _decide(self) -> None:
         self.mission.step()
+        if self._drifts and self.now_s - self.guided.heard_s > self.params["GUID_TIMEOUT"]:
+            self._drifts = False
+            self.frame.pilot.hold()
         if self.frame.armed:
             self._watch_gcs()
             self._watch_battery()
@@ -317,16 +397,8 @@ class ArduPilot(Autopilot):
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
         if not self.params["FENCE_ENABLE"] or self.frame.body.on_ground:
             return
-        place, kinds, was_outside = self.frame.body.place, int(self.params["FENCE_TYPE"]), self._outside
-        found = [
-            name
-            for bit, name, out in (
-                (1, "Max Alt", place.up_m > self.params["FENCE_ALT_MAX"]),
-                (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
-                (4, "Polygon", not mission_store.is_inside(self._shapes, place)),
-            )
-            if kinds & bit and out
-        ]
+        place, was_outside = self.frame.body.place, self._outside
+        found = self._find_breaches(place)
         self._outside = bool(found)
         if was_outside and not found:
             self._breached = False
@@ -344,6 +416,18 @@ class ArduPilot(Autopilot):
         self.voice.send_text(messages.Severity.INFO, "Manual recovery started")
         far = mission_store.distance_outside_m(self._shapes, place) > GIVES_UP_M
         self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
+
+    def _find_breaches(self, place: Place) -> list[str]:
+        kinds = int(self.params["FENCE_TYPE"]) if self.params["FENCE_ENABLE"] else 0
+        return [
+            name
+            for bit, name, out in (
+                (1, "Max Alt", place.up_m > self.params["FENCE_ALT_MAX"]),
+                (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
+                (4, "Polygon", not mission_store.is_inside(self._shapes, place)),
+            )
+            if kinds & bit and out
+        ]
 
     def _watch_gcs(self) -> None:
         action, silence_s = int(self.params["FS_GCS_ENABLE"]), self.gcs_silence_s
@@ -431,14 +515,14 @@ class ArduPilot(Autopilot):
                     custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
-                return messages.build_sys_status(
+                return build_sys_status(
                     self._build_sensor_masks(), voltage_v=0.0 if booting else battery.voltage_v,
                     current_ca=-1 if booting else current, remaining_pct=-1 if booting else self._remaining_pct(),
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = self._consumption_mah()
                 known = current >= 0
-                return messages.build_battery_status(
+                return build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=current, consumed_mah=round(consumed) if known else -1,
                     energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
                     remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,

@@ -11,13 +11,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
-from simulator import messages
+from simulator import messages, telemetry
 from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.fault_kinds import PAYLOAD_FAULTS, InjectionKind
+from simulator.files import FileServer, FileTree
 from simulator.guidance import Hover, Leg, find_stopping_place
-from simulator.messages import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
+from simulator.guided import GuidedFlight
+from simulator.messages import VehicleOutbox
 from simulator.mission_ardupilot import ArduPilotMission
 from simulator.mission_px4 import Px4Mission
 from simulator.mission_store import StoreStep, mission_length_m
@@ -25,6 +27,7 @@ from simulator.params import ParamTable, defaults_for
 from simulator.physics import Home, Place, Positioning
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.store_px4 import Px4Store
+from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
 
 STEP_S = 0.05
 """Physics and decisions, simulated."""
@@ -47,6 +50,10 @@ FORCE = 21196
 """param2 of COMPONENT_ARM_DISARM that stops the motors in flight."""
 
 
+Handler = Callable[[messages.Command], messages.Result | None]
+"""Obeys a command; None is that nobody answers."""
+
+
 class Autopilot(ABC):
     """One vehicle."""
 
@@ -55,7 +62,7 @@ class Autopilot(ABC):
     REFUSED: ClassVar[messages.Result]
     """The result of arming or disarming that is refused."""
     INVALID: ClassVar[messages.Result]
-    """The result of a request for a message that it does not have, or for a speed of nothing."""
+    """The result of a request for a message that it does not have."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
     """Whether a message that was requested comes behind the acknowledgement."""
     ACKNOWLEDGES_EVERYWHERE: ClassVar[bool]
@@ -74,6 +81,8 @@ class Autopilot(ABC):
     """MAV_PROTOCOL_CAPABILITY."""
     VERSION: ClassVar[tuple[int, int, int, int]]
     """Three numbers and FIRMWARE_VERSION_TYPE."""
+    UNKNOWN: ClassVar[frozenset[str]]
+    """Messages that this dialect does not have."""
     mission: ArduPilotMission | Px4Mission
 
     def __init__(
@@ -85,6 +94,7 @@ class Autopilot(ABC):
         px4 = vehicle.autopilot is AutopilotKind.PX4
         self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
         self.store, self.stores = stores[0], stores  # PX4 has one for each link, and ArduPilot one for all
+        self.files: Sequence[FileServer] = self._make_file_servers(FileTree())
         self.voice = VehicleOutbox(tab=px4)
         self.now_s = self.boot_s = 0.0
         self.mode = 0
@@ -93,6 +103,7 @@ class Autopilot(ABC):
         self.hands = False
         """Whether a person holds the sticks: a mode that follows them keeps its height then."""
         self.positioning = Positioning()
+        self.guided = GuidedFlight(self.frame, home, manners.limits)
         self._asking = 0
         """Over which of its links came what it does now."""
         self.schedules = self._start_streams()
@@ -113,11 +124,12 @@ class Autopilot(ABC):
         self._partner = messages.Peer(0, 0)
         """Who gave the command that is being obeyed."""
         self._after_ack: list[messages.Outbound] = []
-        self._commands: Mapping[int, Callable[[messages.Command], messages.Result]] = {
+        self._commands: Mapping[int, Handler] = {
             messages.MavCommand.COMPONENT_ARM_DISARM: self._handle_arm_command,
             messages.MavCommand.SET_MESSAGE_INTERVAL: self._handle_interval_command,
             messages.MavCommand.GET_MESSAGE_INTERVAL: self._handle_get_interval_command,
             messages.MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer_param(0)),
+            messages.MavCommand.GET_HOME_POSITION: lambda _: self._send_named(MESSAGE_IDS["HOME_POSITION"]),
             messages.MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(
                 MESSAGE_IDS["AUTOPILOT_VERSION"]
             ),
@@ -126,45 +138,12 @@ class Autopilot(ABC):
             messages.MavCommand.DO_CHANGE_SPEED: self._change_speed,
             **self._own_commands(),
         }
-        self._builders = self._make_common_builders()
+        builders = telemetry.make_builders(self)
+        self._builders = {name: build for name, build in builders.items() if name not in self.UNKNOWN}
 
-    def _make_common_builders(self) -> Mapping[str, Callable[[], messages.Outbound]]:
-        """Return what makes the telemetry that both dialects fill alike, by the message's name."""
-        home, body = self.home, self.frame.body
-        lat, lon = home.lat_lon_e7(0.0, 0.0)
-        return {
-            "GLOBAL_POSITION_INT": lambda: messages.build_global_position(
-                home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
-            ),
-            "GPS_RAW_INT": lambda: messages.build_gps_raw(home, body, self.boot_ms, fix=self.gps_fix),
-            "AUTOPILOT_VERSION": lambda: messages.build_autopilot_version(
-                capabilities=self.CAPABILITIES, version=self.VERSION, uid=self.vehicle.sysid
-            ),
-            "LOCAL_POSITION_NED": lambda: messages.build_message(
-                "LOCAL_POSITION_NED", time_boot_ms=self.boot_ms, x=body.north_m, y=body.east_m, z=-body.up_m,
-                vx=body.v_north_m_s, vy=body.v_east_m_s, vz=-body.v_up_m_s,
-            ),
-            "ATTITUDE": lambda: messages.build_message(
-                "ATTITUDE", time_boot_ms=self.boot_ms, roll=body.roll_rad, pitch=body.pitch_rad, yaw=body.yaw_rad,
-                rollspeed=0.0, pitchspeed=0.0, yawspeed=body.yaw_rate_rad_s,
-            ),
-            "VFR_HUD": lambda: messages.build_message(
-                "VFR_HUD", airspeed=body.ground_speed_m_s, groundspeed=body.ground_speed_m_s,
-                heading=messages.heading_cdeg(body) // 100, throttle=38 if self.frame.motors_on else 0,
-                alt=home.alt_m + body.up_m, climb=body.v_up_m_s,
-            ),
-            "HOME_POSITION": lambda: messages.build_message(
-                "HOME_POSITION", latitude=lat, longitude=lon, altitude=round(home.alt_m * 1000), x=0.0, y=0.0, z=0.0,
-                q=messages.NO_ROTATION, approach_x=0.0, approach_y=0.0, approach_z=0.0,
-                time_usec=self.boot_ms * 1000,
-            ),
-            # Without a satellite clock the time of day is unknown, and unknown is 0.
-            "SYSTEM_TIME": lambda: messages.build_message("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
-            "TIMESYNC": lambda: messages.build_message("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
-            "EXTENDED_SYS_STATE": lambda: messages.build_message(
-                "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(self.frame.landed_state)
-            ),
-        }  # fmt: skip
+    def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
+        """Return what answers MAVFTP: one for each link, before the same files."""
+        return [FileServer(tree) for _ in self.stores]
 
     # What goes in.
 
@@ -335,7 +314,7 @@ class Autopilot(ABC):
     # What the dialects do differently.
 
     @abstractmethod
-    def _own_commands(self) -> dict[int, Callable[[messages.Command], messages.Result]]:
+    def _own_commands(self) -> dict[int, Handler]:
         """Return the commands that this dialect knows besides the common ones."""
 
     @abstractmethod
@@ -377,6 +356,10 @@ class Autopilot(ABC):
     @abstractmethod
     def _set_current(self, seq: int) -> bool:
         """Make an item the current one; False when there is none."""
+
+    @abstractmethod
+    def _follow_set_point(self, point: messages.SetPoint) -> None:
+        """Fly as a set-point says, or leave it."""
 
     @abstractmethod
     def _set_mode_message(self, message: messages.SetMode) -> None:
@@ -453,6 +436,8 @@ class Autopilot(ABC):
             for store in self.stores:
                 link = store.upload_link
                 self._apply_store_step(store.tick(self.now_s), link)
+            for server in self.files:
+                self.voice.send(server.tick(self.now_s), server.link)
             self._report(only_heartbeat=False)
 
     def _boot(self) -> None:
@@ -492,11 +477,8 @@ class Autopilot(ABC):
                     self.gcs_heard_s = self.now_s
             case messages.Command():
                 self._handle_command(sender, body)
-            case messages.SetMode():
-                self._partner = sender
-                self._set_mode_message(body)
-            case messages.MissionSetCurrent():
-                self.select_item(body.seq)
+            case messages.SetMode() | messages.SetPoint() | messages.MissionSetCurrent():
+                self._obey(sender, body)
             case messages.ParamRequestList() | messages.ParamRequestRead() | messages.ParamSet():
                 self.voice.send(self.params.answer(body), self._asking)
             case messages.RequestDataStream() | messages.RadioStatus():
@@ -516,8 +498,23 @@ class Autopilot(ABC):
         else:
             self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
+    def _obey(
+        self, sender: messages.Peer, body: messages.SetMode | messages.SetPoint | messages.MissionSetCurrent
+    ) -> None:
+        match body:
+            case messages.SetMode():
+                self._partner = sender
+                self._set_mode_message(body)
+            case messages.SetPoint():
+                self._follow_set_point(body)
+            case messages.MissionSetCurrent():
+                self.select_item(body.seq)
+
     def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
-        """Answer questions; what is an answer itself gets none, nor does what is asked of files that are not here."""
+        """Answer questions; what is an answer itself gets none."""
+        if isinstance(body, messages.FileRequest):
+            server = self.files[self._asking % len(self.files)]
+            self.voice.send(server.handle(body, sender, self.now_s), self._asking)
         if isinstance(body, messages.Timesync) and body.tc1 == 0:
             answer = messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)
             self.voice.send([answer], self._asking)
@@ -536,7 +533,8 @@ class Autopilot(ABC):
         result = messages.Result.UNSUPPORTED if handler is None else handler(command)
         if handler is None and self.execute_payload_command(command.number, command.params):
             result = messages.Result.ACCEPTED
-        self.acknowledge(command, result)
+        if result is not None:
+            self.acknowledge(command, result)
         self.voice.send(self._after_ack, self._asking)
         self._after_ack.clear()
 
@@ -551,7 +549,7 @@ class Autopilot(ABC):
 
     def _change_speed(self, command: messages.Command) -> messages.Result:
         if command.params[1] <= 0:
-            return self.INVALID
+            return messages.Result.DENIED
         self.mission.asked_m_s = command.params[1]
         self.frame.pilot.change_speed(self.mission.speed_m_s)
         return messages.Result.ACCEPTED

@@ -31,6 +31,7 @@ RIDE_M_S2 = 8.0
 RIDE_M = 1.5
 RIDE_M_S = 1.0
 """A vehicle takes up the target of a leg that it is this near to, at nearly its speed."""
+ON_CIRCLE_M = 2.0
 RESTART_M_S = 0.4
 RESTART_M_S2 = 0.8
 """ArduPilot's leg after a restart: measured, the speed dips from 4.9 to 1.4-1.9 m/s and is back within about 4 s; with
@@ -105,6 +106,24 @@ class ThrottleDescent:
 
 
 @dataclass(frozen=True, slots=True)
+class Drift:
+    """Fly at a velocity, as long as nobody says otherwise."""
+
+    velocity: Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """Go straight to a circle, and then round on it."""
+
+    centre: Place
+    radius_m: float
+    speed_m_s: float
+    """Clockwise; negative is the other way round."""
+    approach_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Land:
     """Descend to the ground over a point."""
 
@@ -117,7 +136,22 @@ class Land:
     """Height above which it is fast; in between it slows down with the height."""
 
 
-Goal = SpoolUp | Climb | Leg | TimedLeg | leg_trajectories.Px4Leg | Hover | ThrottleDescent | Land
+Goal = SpoolUp | Climb | Leg | TimedLeg | leg_trajectories.Px4Leg | Hover | ThrottleDescent | Drift | Circle | Land
+
+
+def find_target(goal: Goal | None) -> Place | None:
+    """Return where a goal ends, or None where it has no such place."""
+    match goal:
+        case Leg() | leg_trajectories.Px4Leg():
+            return goal.target
+        case TimedLeg():
+            return goal.leg.target
+        case Climb() | Hover():
+            return goal.place
+        case Land():
+            return goal.place._replace(up_m=0.0)
+        case _:
+            return None
 
 
 def distance_m(a: Place, b: Place) -> float:
@@ -159,8 +193,10 @@ def corner_speed_m_s(before: Leg, after: Place, limits: Limits, cut_m: float) ->
 def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
     """Return the velocity that the goal asks for, ``age_s`` after it was begun."""
     match goal:
-        case SpoolUp():
+        case SpoolUp() | leg_trajectories.Px4Leg():
             return Velocity()
+        case Drift() | Circle():
+            return goal.velocity if isinstance(goal, Drift) else _compute_circling_velocity(goal, body, limits)
         case Climb():
             east, north = _approach_velocity_m_s(goal.place, body, limits)
             up = _vertical_speed_m_s(goal.place.up_m, body, limits)
@@ -187,8 +223,6 @@ def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limit
                 velocity.north_m_s + RIDE_PER_S * (place.north_m - body.north_m),
                 velocity.up_m_s + RIDE_PER_S * (place.up_m - body.up_m),
             )
-        case leg_trajectories.Px4Leg():
-            return Velocity()
 
 
 def is_finished(goal: Goal, body: Body, age_s: float) -> bool:
@@ -200,7 +234,7 @@ def is_finished(goal: Goal, body: Body, age_s: float) -> bool:
             return abs(body.up_m - goal.place.up_m) < goal.accept_m
         case TimedLeg():
             return age_s >= goal.lasts_s
-        case ThrottleDescent() | leg_trajectories.Px4Leg():
+        case ThrottleDescent() | Drift() | Circle() | leg_trajectories.Px4Leg():
             return False
         case Land():
             return body.on_ground
@@ -217,6 +251,18 @@ def can_join_timed_leg(ride: TimedLeg, body: Body) -> bool:
     """Return whether a vehicle is near enough to a ride's beginning, and fast enough for it."""
     place, velocity = leg_trajectories.compute_target(ride.base, ride.strands, 0.0)
     return distance_m(place, body.place) < RIDE_M and math.dist(body.velocity, velocity) < RIDE_M_S
+
+
+def _compute_circling_velocity(goal: Circle, body: Body, limits: Limits) -> Velocity:
+    east, north = body.east_m - goal.centre.east_m, body.north_m - goal.centre.north_m
+    away_m = math.hypot(east, north)
+    out = (east / away_m, north / away_m) if away_m > 1e-6 else (0.0, 1.0)
+    off_m = goal.radius_m - away_m
+    near = abs(off_m) < ON_CIRCLE_M and abs(goal.centre.up_m - body.up_m) < ON_CIRCLE_M
+    back = math.copysign(min(_stopping_speed_m_s(abs(off_m), 0.0, limits), goal.approach_m_s), off_m)
+    round_m_s = goal.speed_m_s if near else 0.0
+    up = _vertical_speed_m_s(goal.centre.up_m, body, limits)
+    return Velocity(out[0] * back + out[1] * round_m_s, out[1] * back - out[0] * round_m_s, up)
 
 
 def _landing_speed_m_s(goal: Land, up_m: float) -> float:

@@ -6,11 +6,19 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import takewhile
 
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.errors import FleetError
 from simulator.messages import Outbound, ParamRequestList, ParamRequestRead, ParamSet, build_message
 
+PACKED_PARAMETERS = "@PARAM/param.pck"
+"""ArduPilot's parameters as a file."""
+PACKED_HEADER = struct.Struct("<HHH")
+"""Magic, number of parameters in it and in all."""
+PACKED, PACKED_WITH_DEFAULTS = 0x671B, 0x671C
+PACKED_PARAM_BYTES = 12
+"""Of a parameter, before anybody has counted."""
 UNINDEXED = 65535
 """param_index of a value that was not asked for by its index."""
 
@@ -30,6 +38,12 @@ class Param:
 
     value: float
     kind: ParamKind = ParamKind.REAL32
+
+
+PACKED_FORMATS = {
+    ParamKind.INT8: (1, "<b"), ParamKind.INT16: (2, "<h"), ParamKind.INT32: (3, "<i"), ParamKind.REAL32: (4, "<f"),
+}  # fmt: skip
+"""ArduPilot's own number of a kind, and how it lies in the file."""
 
 
 def _build_table(**values: Mapping[str, float]) -> dict[str, Param]:
@@ -56,22 +70,24 @@ ARDUPILOT = _build_table(
         "FS_GCS_TIMEOUT": 5, "RTL_CONE_SLOPE": 3, "WPNAV_SPEED": 1000, "WPNAV_SPEED_UP": 250, "WPNAV_SPEED_DN": 150,
         "WPNAV_RADIUS": 200, "WPNAV_ACCEL": 250, "WPNAV_ACCEL_Z": 100, "WPNAV_JERK": 1, "MOT_BAT_VOLT_MAX": 0,
         "BATT_LOW_VOLT": 0, "BATT_LOW_MAH": 0, "BATT_CRT_VOLT": 0, "BATT_CRT_MAH": 0, "BATT_ARM_VOLT": 0,
-        "FENCE_ALT_MAX": 100, "FENCE_RADIUS": 300, "RALLY_LIMIT_KM": 0.3,
+        "FENCE_ALT_MAX": 100, "FENCE_RADIUS": 300, "RALLY_LIMIT_KM": 0.3, "GUID_TIMEOUT": 3,
     },
 )  # fmt: skip
-# PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
+# PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason. SYS_FAILURE_EN is 1 where it is
+# simulated.
 PX4 = _build_table(
     int32={
         "MAV_TYPE": 2, "SYS_AUTOSTART": 4001, "NAV_DLL_ACT": 2, "NAV_RCL_ACT": 2, "COM_DL_LOSS_T": 10,
         "COM_LOW_BAT_ACT": 0, "COM_FLTT_LOW_ACT": 0, "COM_RC_IN_MODE": 1, "BAT1_N_CELLS": 0, "RTL_TYPE": 0,
         "RTL_CONE_ANG": 45, "MIS_TKO_LAND_REQ": 0, "GF_ACTION": 2, "COM_DLL_EXCEPT": 0, "TRIG_MODE": 0,
+        "SYS_FAILURE_EN": 1,
     },
     real32={
         "COM_FAIL_ACT_T": 5, "COM_DISARM_LAND": 2, "BAT_LOW_THR": 0.15, "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05,
         "BAT1_CAPACITY": -1, "RTL_RETURN_ALT": 60, "RTL_DESCEND_ALT": 30, "RTL_LAND_DELAY": 0, "MPC_XY_CRUISE": 5,
         "MPC_XY_VEL_MAX": 12, "MPC_Z_VEL_MAX_UP": 3, "MPC_Z_VEL_MAX_DN": 1.5, "MPC_TKO_SPEED": 1.5, "MPC_ACC_HOR": 3,
         "MPC_Z_V_AUTO_UP": 3, "MPC_Z_V_AUTO_DN": 1.5, "MPC_LAND_SPEED": 0.7, "NAV_ACC_RAD": 2, "MIS_TAKEOFF_ALT": 2.5,
-        "GF_MAX_HOR_DIST": 0, "GF_MAX_VER_DIST": 0,
+        "GF_MAX_HOR_DIST": 0, "GF_MAX_VER_DIST": 0, "COM_OF_LOSS_T": 1, "MC_ORBIT_RAD_MAX": 1000,
     },
 )  # fmt: skip
 LOW_CELL_V = 3.5
@@ -114,6 +130,7 @@ class ParamTable:
         self._kinds = {name: param.kind for name, param in sorted(table.items())}
         self._values = {name: table[name].value for name in self._kinds}
         self._names = list(self._kinds)
+        self._defaults = dict(self._values)
         self._bytewise = bytewise
         """Whether integers travel as their bits (PX4) or as numbers (ArduPilot)."""
         self.hidden: set[str] = set()
@@ -156,6 +173,31 @@ class ParamTable:
                 yield self._build_param_value(self._names.index(name), UNINDEXED)
             case _:
                 return
+
+    @property
+    def packed_bytes(self) -> int:
+        """How long it says that its packed file is."""
+        return PACKED_PARAM_BYTES * len(self._names)
+
+    def pack(self, block: int, *, with_defaults: bool = False) -> bytes:
+        """Return the file of all parameters after AP_Filesystem_Param.cpp: no value crosses the end of a block."""
+        magic = PACKED_WITH_DEFAULTS if with_defaults else PACKED
+        packed, before = PACKED_HEADER.pack(magic, len(self._names), len(self._names)), ""
+        for name in self._names:
+            number, layout = PACKED_FORMATS[self._kinds[name]]
+            to_number = float if layout == "<f" else int
+            values = [to_number(self._values[name])]
+            if with_defaults and self._values[name] != self._defaults[name]:
+                values.append(to_number(self._defaults[name]))
+            same = takewhile(lambda pair: pair[0] == pair[1], zip(name, before, strict=False))
+            common = min(sum(1 for _ in same), len(name) - 1)
+            own, before = name[common:].encode("ascii"), name
+            entry = bytes([number | (len(values) - 1) << 4, common | (len(own) - 1) << 4]) + own
+            entry += b"".join(struct.pack(layout, value) for value in values)
+            over = (len(packed) + len(entry)) % block
+            size = struct.calcsize(layout)
+            packed += (bytes(size - over) if 0 < over < size else b"") + entry
+        return packed
 
     def _build_param_value(self, position: int, index: int) -> Outbound:
         name = self._names[position]

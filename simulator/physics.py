@@ -130,6 +130,9 @@ class Body:
         """Where its nose is to point, whatever way it flies; None is ahead."""
         self.flown_m = 0.0
         """Odometer."""
+        self.acceleration = Velocity()
+        """How its velocity changed in the last step, in m/s each second."""
+        self._tilt_rates_rad_s = (0.0, 0.0)
         self.lost_thrust = 0.0
         """Share of its thrust that is not there."""
 
@@ -152,6 +155,40 @@ class Body:
     def on_ground(self) -> bool:
         """Whether it stands on the ground."""
         return self.up_m <= 0.0 and self.v_up_m_s <= 0.0
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """Attitude: from forward, right and down to north, east and down."""
+        cr, sr = math.cos(self.roll_rad / 2), math.sin(self.roll_rad / 2)
+        cp, sp = math.cos(self.pitch_rad / 2), math.sin(self.pitch_rad / 2)
+        cy, sy = math.cos(self.yaw_rad / 2), math.sin(self.yaw_rad / 2)
+        return (
+            cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        )  # fmt: skip
+
+    @property
+    def specific_force_m_s2(self) -> tuple[float, float, float]:
+        """What an accelerometer feels, forward, right and down: all that moves the body but gravity."""
+        rise = (0.0, 0.0, 0.0) if self.on_ground else self.acceleration
+        north, east, down = rise[1], rise[0], -rise[2] - GRAVITY_M_S2
+        cr, sr, cp, sp = (f(a) for a in (self.roll_rad, self.pitch_rad) for f in (math.cos, math.sin))
+        cy, sy = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        ahead, right = north * cy + east * sy, east * cy - north * sy
+        lifted = ahead * sp + down * cp
+        return ahead * cp - down * sp, right * cr + lifted * sr, lifted * cr - right * sr
+
+    @property
+    def turn_rates_rad_s(self) -> tuple[float, float, float]:
+        """How fast it turns about its forward, right and down axes."""
+        roll, pitch = (0.0, 0.0) if self.on_ground else self._tilt_rates_rad_s
+        yaw, cr, sr, cp = (
+            self.yaw_rate_rad_s,
+            math.cos(self.roll_rad),
+            math.sin(self.roll_rad),
+            math.cos(self.pitch_rad),
+        )
+        return (roll - math.sin(self.pitch_rad) * yaw, cr * pitch + sr * cp * yaw, -sr * pitch + cr * cp * yaw)
 
     def fly(self, wish: Velocity, limits: Limits, dt_s: float) -> None:
         """Move for ``dt_s`` with velocity going towards ``wish`` as fast as the limits allow."""
@@ -219,6 +256,10 @@ class Body:
         self.north_m += north
         self.up_m += up
         self.flown_m += math.sqrt(east * east + north * north + up * up)
+        self.acceleration = Velocity(
+            (self.v_east_m_s - before[0]) / dt_s, (self.v_north_m_s - before[1]) / dt_s,
+            (self.v_up_m_s - before[2]) / dt_s,
+        )  # fmt: skip
         if self.up_m <= 0.0 and self.v_up_m_s <= 0.0:
             self.up_m = 0.0
             self.stop()
@@ -236,8 +277,10 @@ class Body:
         thrust_east = a_east + DRAG_PER_S * self.v_east_m_s
         thrust_north = a_north + DRAG_PER_S * self.v_north_m_s
         sine, cosine = math.sin(self.yaw_rad), math.cos(self.yaw_rad)
+        before = self.roll_rad, self.pitch_rad
         self.pitch_rad = -math.atan2(thrust_east * sine + thrust_north * cosine, GRAVITY_M_S2)
         self.roll_rad = math.atan2(thrust_east * cosine - thrust_north * sine, GRAVITY_M_S2)
+        self._tilt_rates_rad_s = (self.roll_rad - before[0]) / dt_s, (self.pitch_rad - before[1]) / dt_s
 
 
 FAILSAFE_S = 4.0
@@ -264,6 +307,10 @@ class Positioning:
     def lose(self, now_s: float, for_s: float) -> None:
         """Lose the fix, for good if `for_s` is 0."""
         self.lost_s, self._back_s, self._acted = now_s, now_s + for_s if for_s else math.inf, False
+
+    def find(self, now_s: float) -> None:
+        """Have a fix again."""
+        self._back_s = now_s
 
     def without_s(self, now_s: float) -> float:
         """Return for how long it has no fix; 0 while it has one."""

@@ -3,39 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from enum import IntEnum
+from collections.abc import Iterator
 from typing import ClassVar
 
 from simulator import messages, mission_store
 from simulator.airframe import AirframeSettings
-from simulator.autopilot import Autopilot
+from simulator.autopilot import Handler
 from simulator.config import SimVehicle
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
 from simulator.leg_trajectories import HEIGHT_M, JERK, UP
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
-from simulator.physics import ALONE, GPS_BIT, Home, Limits, Place
+from simulator.physics import ALONE, GPS_BIT, Home, Place
+from simulator.px4_guided import LIMITS, MAIN_AUTO, Mode, Px4Guided, encode_custom_mode
 from simulator.store_px4 import Px4Store
-
-MAIN_AUTO = 4
-
-
-def encode_custom_mode(main: int, sub: int = 0) -> int:
-    """Return the number that a heartbeat shows."""
-    return sub << 24 | main << 16
-
-
-class Mode(IntEnum):
-    """custom_mode, as far as simulated."""
-
-    ALTCTL = encode_custom_mode(2)
-    POSCTL = encode_custom_mode(3)
-    TAKEOFF = encode_custom_mode(4, 2)
-    LOITER = encode_custom_mode(4, 3)
-    MISSION = encode_custom_mode(4, 4)
-    RETURN = encode_custom_mode(4, 5)
-    LAND = encode_custom_mode(4, 6)
-
+from simulator.streams import Streams
+from simulator.telemetry import build_battery_status, build_sys_status
 
 WORDS = {
     "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
@@ -47,8 +29,6 @@ MISSION_MODES = frozenset({Mode.MISSION, Mode.TAKEOFF, Mode.LAND})
 
 
 MAV_AUTOPILOT_PX4 = 12
-LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=1.5, vertical_m_s2=1.5, corner_m_s2=1.1)
-"""Recorded: a right angle at 2.3 m/s; 2.9 m/s up, 1.6 m/s down."""
 CLIMB = Climb(Place(0.0, 0.0, 0.0), 0.0, slow_below_m=FAST_LANDING_M, accept_m=HEIGHT_M, brakes=(UP[0], JERK))
 """At MPC_TKO_SPEED up to MPC_LAND_ALT1; over when the item's height is nearly reached (mission_block.cpp)."""
 MANNERS = AirframeSettings(LIMITS, spool_s=4.1, disarm_landed_s=2.0, climb=CLIMB, wander_m=0.2)
@@ -74,10 +54,9 @@ OFFICIAL = 255
 """FIRMWARE_VERSION_TYPE."""
 
 
-class Px4(Autopilot):
+class Px4(Px4Guided):
     """One vehicle."""
 
-    mission: Px4Mission
     REFUSED: ClassVar = messages.Result.TEMPORARILY_REJECTED
     INVALID: ClassVar = messages.Result.DENIED
     ACKNOWLEDGES_FIRST: ClassVar = False
@@ -87,8 +66,10 @@ class Px4(Autopilot):
     KILL_SAYS: ClassVar = "Kill engaged"
     WORDS: ClassVar = WORDS
     FIX: ClassVar = 3
-    CAPABILITIES: ClassVar = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
-    """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
+    CAPABILITIES: ClassVar = sum(1 << bit for bit in (0, 1, 2, 3, 4, 5, 7, 13, 14, 15))
+    """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, files, set-points, MAVLink 2, fence,
+    rally points."""
+    UNKNOWN: ClassVar = frozenset({"SIMSTATE", "RC_CHANNELS", "RAW_IMU"})
     VERSION: ClassVar = (1, 17, 0, OFFICIAL)
     STREAMS_S: ClassVar = {
         "HEARTBEAT": 1.0, "SYS_STATUS": 1.0, "BATTERY_STATUS": 2.0, "GLOBAL_POSITION_INT": 0.25, "ATTITUDE": 0.25,
@@ -120,16 +101,17 @@ class Px4(Autopilot):
         self._shapes: tuple[mission_store.FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence."""
+        self._begin_guided()
         self.mission.left_fence_at = self._find_item_outside_fence
 
-    def _own_commands(self) -> dict[int, Callable[[messages.Command], messages.Result]]:
+    def _own_commands(self) -> dict[int, Handler]:
         # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
         return {
             messages.MavCommand.DO_SET_MODE: self._handle_set_mode_command,
             messages.MavCommand.MISSION_START: self._start_mission,
             messages.MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
-            messages.MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
-            messages.MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
+            messages.MavCommand.NAV_LAND: self._handle_land_command,
+            **self._guided_commands(),
         }
 
     # Modes.
@@ -142,11 +124,14 @@ class Px4(Autopilot):
                 return messages.Result.ACCEPTED
             self.voice.send_text(messages.Severity.CRITICAL, "Unsupported auto mode")
             return messages.Result.TEMPORARILY_REJECTED
-        self._action_due = None
+        self._action_due, self._lost_set_points = None, False
         if mode == Mode.MISSION and self.frame.armed and not self._store.items:
             self.voice.send_text(messages.Severity.CRITICAL, "Switching to Mission is currently not available")
             return messages.Result.TEMPORARILY_REJECTED
-        if mode not in {Mode.RETURN, Mode.LAND, Mode.TAKEOFF}:
+        if mode == Mode.OFFBOARD and self._lacks_set_points():
+            self.voice.send_text(messages.Severity.CRITICAL, "Switching to Offboard is currently not available")
+            return messages.Result.TEMPORARILY_REJECTED
+        if mode not in {Mode.RETURN, Mode.LAND, Mode.TAKEOFF, Mode.ORBIT}:
             self._mode_after_flight = Mode(mode)
         if mode != self.mode or (mode == Mode.MISSION and not self.mission.running):
             self._switch(Mode(mode))
@@ -172,9 +157,16 @@ class Px4(Autopilot):
         self.voice.send_text(messages.Severity.INFO, "Returning to launch")
         return self.set_mode(Mode.RETURN)
 
+    def _handle_land_command(self, command: messages.Command) -> messages.Result:  # noqa: ARG002 - it has nothing to say
+        self.voice.send_text(messages.Severity.INFO, "Landing at current position")
+        return self.set_mode(Mode.LAND)
+
     def _switch(self, mode: Mode) -> None:
         if self.mode == Mode.MISSION:
             self.mission.leave()
+        if self.mode == Mode.ORBIT:
+            self.frame.body.face_rad = None
+        self._lost_set_points &= mode == Mode.RETURN
         if mode != self.mode:
             self.frame.record_event(f"mode {mode.name}")
         self.mode = mode
@@ -194,9 +186,7 @@ class Px4(Autopilot):
             case Mode.LAND:
                 pilot.fly([land_goal(find_stopping_place(body, LIMITS), self.params)])
             case Mode.TAKEOFF if body.on_ground:
-                pilot.fly(
-                    self.frame.take_off(self.params["MIS_TAKEOFF_ALT"], LIMITS.climb_m_s, self.params["MPC_TKO_SPEED"])
-                )
+                pilot.fly(self.frame.take_off(self._takeoff_up_m, LIMITS.climb_m_s, self.params["MPC_TKO_SPEED"]))
             case _ if body.on_ground:
                 pilot.fly([])
             case Mode.ALTCTL:
@@ -320,7 +310,7 @@ class Px4(Autopilot):
         streams.radio_factor = min(1.0, max(LEAST_FACTOR, streams.radio_factor * factor))
         streams.radio_heard_s = self.now_s
 
-    def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
+    def _slow_down(self, streams: Streams, interval_s: float) -> float:
         heard = self.now_s - streams.radio_heard_s <= RADIO_FORGOTTEN_S
         factor = streams.radio_factor if heard else 1.0
         if math.isfinite(self.vehicle.rate_bytes_s) and streams is self.schedules[0]:
@@ -363,6 +353,7 @@ class Px4(Autopilot):
             self.schedule_now("MISSION_CURRENT")
         self._announced = self.mission.index
         self._announce_landed_state()
+        self._fly_guided()
         self._watch_link()
         self._watch_battery()
         self._watch_fence()
@@ -530,13 +521,13 @@ class Px4(Autopilot):
                     custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
-                return messages.build_sys_status(
+                return build_sys_status(
                     self._build_sensor_masks(), voltage_v=battery.voltage_v, current_ca=self._current_ca(),
                     remaining_pct=math.ceil(battery.charge_pct - 1e-9),
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
-                return messages.build_battery_status(
+                return build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=self._current_ca(), energy_hj=-1,
                     consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
                     remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
@@ -557,6 +548,8 @@ class Px4(Autopilot):
                     pos_vert_ratio=0.05, mag_ratio=0.05, hagl_ratio=0.0, tas_ratio=0.0, pos_horiz_accuracy=0.5,
                     pos_vert_accuracy=0.5, flags=flags if self.is_ready else 0,
                 )  # fmt: skip
+            case "ORBIT_EXECUTION_STATUS":
+                return self._build_circle_report()
             case "WIND_COV":
                 east, north = self.vehicle.wind_m_s
                 return messages.build_message(

@@ -12,7 +12,6 @@ from missions.items import Command, Frame, MissionItem, PlaceCommand
 from missions.stored_items import predict_stored_item
 from simulator.messages import (
     MISSION_TYPE_MISSION,
-    FileRequest,
     ItemReceived,
     MissionAckReceived,
     MissionClearAll,
@@ -24,7 +23,7 @@ from simulator.messages import (
     Peer,
     Severity,
 )
-from simulator.mission_file import FilePart, MissionFileServer
+from simulator.mission_file import FilePart
 from simulator.mission_store import (
     StoreStep,
     Transfer,
@@ -233,7 +232,6 @@ class ArduPilotStore(ArduPilotList):
         self._count = 1
         self._advised: set[str] = set()
         self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
-        self._files = MissionFileServer()
 
     @property
     def upload(self) -> Transfer | None:
@@ -282,23 +280,8 @@ class ArduPilotStore(ArduPilotList):
         beside.fault = self.fault
         return beside.handle(message, sender, now_s, locked=False)
 
-    def handle_file(self, request: FileRequest, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
-        """Take a part of the mission as a file; ``locked`` is that the mission runs, armed."""
-        changed: list[StoreStep] = []
-
-        def put(part: FilePart) -> None:
-            changed.append(self._put_part(part, locked=locked))
-
-        refuses = self.fault is not UploadFault.NONE
-        answer = self._files.handle(request, sender, now_s, self.items, put, refuses=refuses)
-        step = changed[0] if changed else StoreStep()
-        return replace(step, send=(answer,))
-
-    def is_file_open(self, now_s: float) -> bool:
-        """Return whether a file is being written: streams are slower meanwhile."""
-        return self._files.is_active(now_s)
-
-    def _put_part(self, part: FilePart, *, locked: bool) -> StoreStep:
+    def put_file_part(self, part: FilePart, *, locked: bool) -> StoreStep:
+        """Take a part of the mission that came as a file; ``locked`` is that the mission runs, armed."""
         cleared = not part.keeps_rest and not locked
         if cleared:
             self._count = 1

@@ -21,6 +21,8 @@ ANSWERS = frozenset({
 _KEPT_IDS = frozenset(
     getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in ANSWERS if hasattr(dialect, f"MAVLINK_MSG_ID_{name}")
 )
+LIST_DIRECTORY, NAK = 3, 129
+"""Of MAVFTP."""
 _LISTS = {1: ", fence", 2: ", rally points"}
 """MAV_MISSION_TYPE."""
 
@@ -111,10 +113,8 @@ def describe_answer(message: MavMessage) -> str | None:
             return f"{name_command(message.command)} {_name_entry('MAV_RESULT', message.result, 'MAV_RESULT_')}"
         case "MISSION_ACK":
             return f"MISSION_ACK {name_mission_result(message.type)}"
-        case "MISSION_REQUEST" | "MISSION_REQUEST_INT":
-            return f"{name} {message.seq}"
-        case "MISSION_COUNT":
-            return f"MISSION_COUNT {message.count}"
+        case "MISSION_REQUEST" | "MISSION_REQUEST_INT" | "MISSION_COUNT":
+            return f"{name} {message.count if name == 'MISSION_COUNT' else message.seq}"
         case "PARAM_VALUE":
             kind = _name_entry("MAV_PARAM_TYPE", message.param_type, "MAV_PARAM_TYPE_")
             index = "no index" if message.param_index == 65535 else "its index"
@@ -127,8 +127,24 @@ def describe_answer(message: MavMessage) -> str | None:
             kind = _name_entry("FIRMWARE_VERSION_TYPE", version & 255, "FIRMWARE_VERSION_TYPE_")
             bits = " ".join(str(bit) for bit in range(64) if message.capabilities >> bit & 1)
             return f"AUTOPILOT_VERSION {number} {kind}, capabilities {bits}"
+        case "FILE_TRANSFER_PROTOCOL":
+            return _describe_file_answer(bytes(message.payload))
         case _:
             return None
+
+
+def _describe_file_answer(payload: bytes) -> str:
+    """Return MAVFTP's answer: to what, whether it is an error, what came with it; the end of a burst is marked."""
+    operation, size, asked, ends, offset = payload[3], payload[4], payload[5], payload[6], payload[8:12]
+    name = f"FILE {_name_entry('MAV_FTP_OPCODE', asked, 'MAV_FTP_OPCODE_')}"
+    data = payload[12 : 12 + size]
+    if operation == NAK:
+        return f"{name} {_name_entry('MAV_FTP_ERR', data[0], 'MAV_FTP_ERR_')}{f' {data[1]}' if size > 1 else ''}"
+    if asked == LIST_DIRECTORY:
+        data = b"\0".join(sorted(data.split(b"\0")))  # they come in no order
+    text = data.decode("ascii", "replace").replace("\0", "|") if data.isascii() else data.hex()
+    at = f" at {int.from_bytes(offset, 'little')}" if any(offset) else ""
+    return f"{name}{at}{f' {text!r}' if data else ''}{', ends' if ends else ''}"
 
 
 def describe_message(message: MavMessage) -> str:

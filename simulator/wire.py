@@ -41,8 +41,15 @@ def _to_e7(degrees: float) -> int:
     return round(degrees * 1e7) if math.isfinite(degrees) else 0
 
 
-def _parse_command(said: Fields, x: float, y: float, z: float) -> messages.Command:
-    return messages.Command(said.command, (said.param1, said.param2, said.param3, said.param4, float(x), float(y), z))
+def _parse_command(said: Fields, x: float, y: float, z: float, frame: int | None = None) -> messages.Command:
+    params = (said.param1, said.param2, said.param3, said.param4, float(x), float(y), z)
+    return messages.Command(said.command, params, frame)
+
+
+def _parse_set_point(said: Fields, *, local: bool) -> messages.SetPoint:
+    place = (said.x, said.y, said.z) if local else (said.lat_int, said.lon_int, said.alt)
+    velocity = (said.vx, said.vy, said.vz)
+    return messages.SetPoint(said.coordinate_frame, said.type_mask, place, velocity, local)
 
 
 def _parse_item(said: Fields, *, integer: bool) -> messages.ItemReceived:
@@ -68,13 +75,15 @@ FILE_HEAD = struct.Struct("<HBBBBBxI")
 def _parse_file_request(said: Fields) -> messages.FileRequest:
     payload = bytes(said.payload)
     number, session, operation, size, _, _, offset = FILE_HEAD.unpack_from(payload)
-    return messages.FileRequest(number, session, operation, offset, payload[FILE_HEAD.size :][:size])
+    return messages.FileRequest(number, session, operation, offset, payload[FILE_HEAD.size :][:size], size)
 
 
 READERS: Mapping[str, Callable[[Fields], messages.Body]] = {
     "HEARTBEAT": lambda said: messages.Heartbeat(said.type == GROUND_STATION),
     "COMMAND_LONG": lambda said: _parse_command(said, said.param5, said.param6, said.param7),
-    "COMMAND_INT": lambda said: _parse_command(said, said.x, said.y, said.z),
+    "COMMAND_INT": lambda said: _parse_command(said, said.x, said.y, said.z, said.frame),
+    "SET_POSITION_TARGET_GLOBAL_INT": lambda said: _parse_set_point(said, local=False),
+    "SET_POSITION_TARGET_LOCAL_NED": lambda said: _parse_set_point(said, local=True),
     "SET_MODE": lambda said: messages.SetMode(said.custom_mode),
     "MISSION_COUNT": lambda said: messages.MissionCount(said.count, said.mission_type),
     "MISSION_ITEM_INT": lambda said: _parse_item(said, integer=True),

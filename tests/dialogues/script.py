@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+import struct
 from dataclasses import replace
+from enum import IntEnum
 
 from missions import Dialect, MissionItem, ModeNumber
 from missions.autopilots.dialect import StartStep
 from tests.dialogues.acts import Act, Chapter, Download, Look, Say, Step, Until, Upload, What
-from tests.simulator.harness import land, numbered, speed, takeoff, waypoint
+from tests.simulator.harness import ALT_M, land, numbered, speed, takeoff, waypoint
 
 KNOWN_PARAMETER = {"ardupilot": "FS_GCS_TIMEOUT", "px4": "COM_DL_LOSS_T"}
 UNKNOWN_PARAMETER = "NO_SUCH_PARAM"
@@ -21,6 +25,43 @@ CRUISE_M_S = 5.0
 
 RETURN_TO_LAUNCH, SET_MODE, PAUSE_CONTINUE, SET_MISSION_CURRENT = 20, 176, 193, 224
 MISSION_START, ARM_DISARM, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE, REQUEST_CAPABILITIES = 300, 400, 511, 512, 520
+
+TAKE_OFF, LAND, LOITER_UNLIM, ORBIT, TURN, CHANGE_ALTITUDE, REPOSITION, INJECT_FAILURE = (
+    22,
+    21,
+    17,
+    34,
+    115,
+    186,
+    192,
+    420,
+)
+GYRO, MOTOR = 0, 101
+"""FAILURE_UNIT."""
+PLACE_ALONE, SPEED_ALONE = 0b110111111000, 0b110111000111
+SET_POINT_MODES = {"ardupilot": ModeNumber(4, 4), "px4": ModeNumber(6 << 16, 6)}
+
+
+class Ftp(IntEnum):
+    """MAVFTP's opcodes."""
+
+    TERMINATE = 1
+    RESET = 2
+    LIST = 3
+    READ_ONLY = 4
+    READ = 5
+    CREATE = 6
+    WRITE = 7
+    REMOVE = 8
+    MAKE_FOLDER = 9
+    REMOVE_FOLDER = 10
+    WRITE_ONLY = 11
+    TRUNCATE = 12
+    RENAME = 13
+    CRC32 = 14
+    BURST = 15
+    NONSENSE = 99
+
 
 A = tuple(waypoint(*place, HEIGHT_M) for place in ((1200, 0), (1200, 600), (600, 600), (300, 600)))
 B = (A[0], *(waypoint(*place, HEIGHT_M) for place in ((1400, 400), (700, 400), (200, 400))))
@@ -244,4 +285,116 @@ def ending(dialect: Dialect) -> Chapter:
     ))  # fmt: skip
 
 
-CHAPTERS = {"questions": questions, "transfers": transfers, "flight": flight, "ending": ending}
+def files(dialect: Dialect) -> Chapter:
+    """Files over MAVFTP."""
+    numbers = itertools.count(1)
+
+    def ask(operation: Ftp, data: bytes = b"", offset: int = 0, size: int = 0, number: int = 0) -> Say:
+        head = struct.pack("<HBBBBBxI", number or next(numbers), 0, operation, size or len(data), 0, 0, offset)
+        return Say("FILE_TRANSFER_PROTOCOL", {"target_network": 0, "payload": (head + data).ljust(251, b"\0")})
+
+    note, folder = b"folder/note.txt", b"folder"
+    return Chapter("files", (
+        step("wait until it is ready", Until(What.READY), Look()),
+        step("list a folder that is not there", ask(Ftp.LIST, b"nowhere")),
+        step("make a folder", ask(Ftp.MAKE_FOLDER, folder)),
+        step("make it again", ask(Ftp.MAKE_FOLDER, folder)),
+        step("list an empty folder", ask(Ftp.LIST, folder)),
+        step("make a file", ask(Ftp.CREATE, note)),
+        step("open another one meanwhile", ask(Ftp.READ_ONLY, b"folder/other.txt")),
+        step("write", ask(Ftp.WRITE, b"a note")),
+        step("write behind its end", ask(Ftp.WRITE, b"more", 10)),
+        step("read what is open to write", ask(Ftp.READ, size=20)),
+        step("close", ask(Ftp.TERMINATE)),
+        step("close again", ask(Ftp.TERMINATE)),
+        step("list", ask(Ftp.LIST, folder)),
+        step("list from a second entry on", ask(Ftp.LIST, folder, 3)),
+        step("checksum", ask(Ftp.CRC32, note)),
+        step("checksum of a file that is not there", ask(Ftp.CRC32, b"folder/other.txt")),
+        step("open to read", ask(Ftp.READ_ONLY, note)),
+        step("read", ask(Ftp.READ, size=20)),
+        step("the same request again", ask(Ftp.READ, size=20, number=999), ask(Ftp.READ, size=20, number=999)),
+        step("read from its end", ask(Ftp.READ, offset=14, size=20)),
+        step("write to what is open to read", ask(Ftp.WRITE, b"no")),
+        step("read in a burst", ask(Ftp.BURST, size=8)),
+        step("close, with a number that the burst had", ask(Ftp.TERMINATE)),
+        step("close what was read", ask(Ftp.TERMINATE)),
+        step("read what is not open", ask(Ftp.READ, size=20)),
+        step("open a file that is not there to read", ask(Ftp.READ_ONLY, b"folder/other.txt")),
+        step("open a file that is not there to write", ask(Ftp.WRITE_ONLY, b"folder/third.txt"), ask(Ftp.RESET)),
+        step("remove it", ask(Ftp.REMOVE, b"folder/third.txt")),
+        step("truncate", ask(Ftp.TRUNCATE, note, 4)),
+        step("rename", ask(Ftp.RENAME, note + b"\0folder/new.txt")),
+        step("list once more", ask(Ftp.LIST, folder)),
+        step("remove a folder that is not empty", ask(Ftp.REMOVE_FOLDER, folder)),
+        step("remove a file", ask(Ftp.REMOVE, b"folder/new.txt")),
+        step("remove it again", ask(Ftp.REMOVE, b"folder/new.txt")),
+        step("remove the folder", ask(Ftp.REMOVE_FOLDER, folder)),
+        step("a path that leads out", ask(Ftp.READ_ONLY, b"../nothing.txt")),
+        step("an operation that does not exist", ask(Ftp.NONSENSE)),
+        step("parameters", ask(Ftp.READ_ONLY, b"/@PARAM/param.pck"), ask(Ftp.READ, size=2), ask(Ftp.RESET)),
+        step("a mission", ask(Ftp.READ_ONLY, b"@MISSION/mission.dat"), ask(Ftp.READ, size=34), ask(Ftp.RESET)),
+        step("a fence", ask(Ftp.READ_ONLY, b"@MISSION/fence.dat"), ask(Ftp.READ, size=34), ask(Ftp.RESET)),
+    ))  # fmt: skip
+
+
+def guided(dialect: Dialect) -> Chapter:
+    """Flight without a mission: places, set-points, circles."""
+
+    def go(number: int, item: MissionItem, *params: float, z_m: float = ALT_M + HEIGHT_M) -> Say:
+        values = {f"param{at}": value for at, value in enumerate((*params, *(0.0,) * 4)[:4], start=1)}
+        place = {"frame": 0, "current": 0, "autocontinue": 0, "x": item.x, "y": item.y, "z": z_m}
+        return Say("COMMAND_INT", {"command": number, **values, **place})
+
+    def set_point(mask: int, item: MissionItem, north_m_s: float = 0.0) -> Say:
+        place = {"coordinate_frame": 6, "lat_int": item.x, "lon_int": item.y, "alt": HEIGHT_M}
+        speeds = {
+            "vx": north_m_s,
+            "vy": 0.0,
+            "vz": 0.0,
+            "afx": 0.0,
+            "afy": 0.0,
+            "afz": 0.0,
+            "yaw": 0.0,
+            "yaw_rate": 0.0,
+        }
+        return Say("SET_POSITION_TARGET_GLOBAL_INT", {"time_boot_ms": 0, "type_mask": mask, **place, **speeds})
+
+    up = (order(ARM_DISARM, 1), order(TAKE_OFF, 0, 0, 0, math.nan, math.nan, math.nan, ALT_M + HEIGHT_M))
+    if dialect.home_item:
+        up = (set_mode(dialect.modes.guided), order(ARM_DISARM, 1), order(TAKE_OFF, 0, 0, 0, 0, 0, 0, HEIGHT_M))
+    there = (Until(What.FAST, 2.0), Until(What.STILL))
+    set_points = SET_POINT_MODES[dialect.name]
+    stream = (replace(set_point(SPEED_ALONE, NEAR[0], 3.0), listen_s=0.2),) * 12
+    return Chapter("guided", (
+        step("wait until it is ready", Until(What.READY), Look()),
+        step("go to a place on the ground", go(REPOSITION, NEAR[0], -1, 1), Look()),
+        step("take off", *up, Until(What.HIGH, HEIGHT_M - 1), Look(5.0)),
+        step("go to a place", go(REPOSITION, NEAR[0], -1, 1), *there, Look(6.0)),
+        step("go to a place, as COMMAND_LONG", order(REPOSITION, -1, 1, 0, math.nan, NEAR[1].x * 1e-7,
+             NEAR[1].y * 1e-7, ALT_M + HEIGHT_M), Look(12.0)),
+        step("go to a place without leave to change the mode", go(REPOSITION, NEAR[2], -1, 0), Look(12.0)),
+        step("a place as a set-point", set_point(PLACE_ALONE, NEAR[2]), Look(12.0)),
+        step("a speed as a set-point", set_point(SPEED_ALONE, NEAR[2], 4.0), Look(1.5)),
+        step("no more set-points", Look(8.0)),
+        step("the mode for set-points without set-points", set_mode(set_points), Look(3.0)),
+        step("circle about a place", go(ORBIT, NEAR[1], 20.0, 3.0, 0.0), Look(20.0)),
+        step("a circle that is too large", go(ORBIT, NEAR[1], 20_000.0, 3.0, 0.0), Look(3.0)),
+        step("another height", order(CHANGE_ALTITUDE, ALT_M + HEIGHT_M + 5, 0), Look(8.0)),
+        step("hold mode", set_mode(dialect.modes.hold), Look(6.0)),
+        step("turn", order(TURN, 90, 20, 1, 0), Look(2.0)),
+        step("a motor that is well again", order(INJECT_FAILURE, MOTOR, 0, 1), Look()),
+        step("a failure that nothing can have", order(INJECT_FAILURE, GYRO, 6, 0), Look()),
+        step("the mode for set-points with set-points", *stream,
+             replace(set_mode(set_points), listen_s=0.2), *stream, Look(3.0)),
+        step("a place among them", *(replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.2),) * 60,
+             replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.02), Look()),
+        step("and silence", Look(4.0)),
+        step("stay", order(LOITER_UNLIM), Look(1.0)),
+        step("land", order(LAND), Until(What.DISARMED, limit_s=200.0, narrate=True), Look(3.0)),
+    ))  # fmt: skip
+
+
+CHAPTERS = {
+    "questions": questions, "transfers": transfers, "flight": flight, "ending": ending, "files": files,
+}  # fmt: skip

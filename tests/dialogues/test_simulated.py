@@ -6,7 +6,7 @@ import pytest
 
 from missions import dialect_for
 from simulator.config import AutopilotKind
-from tests.dialogues import facts
+from tests.dialogues import facts, survey
 from tests.dialogues.script import CHAPTERS
 from tests.dialogues.station import Station
 from tests.dialogues.wires import SimulatedWire
@@ -32,3 +32,8 @@ def test_every_difference_is_one_and_has_a_reason(autopilot: str) -> None:
 def test_the_page_shows_the_answers() -> None:
     page = facts.PAGE.read_text(encoding="utf-8")
     assert facts.with_tables(page) == page
+
+
+def test_the_page_shows_what_the_real_ones_answer_alone() -> None:
+    page = facts.PAGE.read_text(encoding="utf-8")
+    assert survey.with_table(page) == page

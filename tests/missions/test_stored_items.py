@@ -25,8 +25,16 @@ RELATIVE = Frame.GLOBAL_RELATIVE_ALT
             MissionItem(5, Frame.GLOBAL_RELATIVE_ALT_INT, Command.NAV_LAND, x=1, y=2),
             MissionItem(5, RELATIVE, Command.NAV_LAND, param4=1.0, x=1, y=2),
         ),
+        (
+            MissionItem(6, RELATIVE, Command.NAV_RETURN_TO_LAUNCH, 1.0, 4.0, 50.0, 7.0, x=1, y=2, z=20.0),
+            MissionItem(6, Frame.GLOBAL, Command.NAV_RETURN_TO_LAUNCH),
+        ),
+        (
+            MissionItem(7, RELATIVE, Command.DO_CHANGE_SPEED, 1.0, 3.0, -1.0, 7.0, x=1, y=2, z=20.0),
+            MissionItem(7, Frame.GLOBAL, Command.DO_CHANGE_SPEED, 1.0, 3.0, -1.0),
+        ),
     ],
-    ids=["hold and current", "speed", "landing"],
+    ids=["hold and current", "speed", "landing", "a return with a place", "a speed with a place"],
 )
 def test_what_it_makes_of_an_item(sent: MissionItem, stored: MissionItem) -> None:
     assert predict_stored_item(sent) == stored

@@ -24,7 +24,7 @@ from missions.items import Command
 from simulator.config import AutopilotKind, SimFleet
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import build_vehicles
-from simulator.messages import MESSAGE_NAMES
+from simulator.streams import MESSAGE_NAMES
 from simulator.virtual_loop import run_virtual
 from tests.conformance.ways import route
 from tests.simulator.harness import sim_vehicle
