@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import common as mav
@@ -24,6 +26,7 @@ from tests.sitl.real import BOTH, PX4, RELAYED, START_REAL_S, Autopilot, Wanted,
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(590)]
 
+LOCATED_S = 120.0
 QUESTIONS = frozenset(
     {"HEARTBEAT", "PING", "PARAM_REQUEST_READ", "MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_ACK"}
 )
@@ -41,11 +44,25 @@ class OneDevice(RadioRelay):
         """What the ground station sent: names of messages, and the numbers of commands."""
         self.armed = False
         """Whether any vehicle was."""
+        self.located: set[int] = set()
+        """The vehicles that know where they are."""
+
+    def wait_until_located(self, patience_s: float) -> None:
+        """Ask everybody for positions until all have said theirs."""
+        until_s, codec = time.monotonic() + patience_s, mav.MAVLink(None, 255, 190)
+        ask = mav.MAVLink_command_long_message(1, 1, mav.MAV_CMD_SET_MESSAGE_INTERVAL, 0, 33, 1e6, 0, 0, 0, 0, 0)
+        while len(self.located) < len(self._to_vehicles):
+            assert time.monotonic() < until_s, f"only {self.located} know where they are"
+            self._to_vehicles[0].sendto(ask.pack(codec), self._to_station[0].getsockname())
+            time.sleep(1.0)
+        self.sent.clear()
 
     def _hand_over(self, vehicle: int, data: bytes, *, up: bool) -> None:
         if not up:
-            beats = [one for one in _parse(data) if one.get_type() == "HEARTBEAT"]
-            self.armed |= any(one.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED for one in beats)
+            for one in _parse(data):
+                self.armed |= one.get_type() == "HEARTBEAT" and bool(one.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+                if one.get_type() == "GLOBAL_POSITION_INT" and one.lat:
+                    self.located.add(vehicle)
         super()._hand_over(vehicle if up else 0, data, up=up)
 
     def _count(self, vehicle: int, data: bytes) -> None:
@@ -54,7 +71,7 @@ class OneDevice(RadioRelay):
         )
 
 
-def _parse(data: bytes) -> list[mav.MAVLink_message]:
+def _parse(data: bytes) -> list[Any]:
     parser = mav.MAVLink(None)
     parser.robust_parsing = True
     return parser.parse_buffer(data) or []
@@ -87,6 +104,7 @@ def test_two_vehicles_with_one_number_are_refused_in_one_line(autopilot: Autopil
             other.set("MAV_SYS_ID", 1, START_REAL_S)
             for number, name in enumerate(vehicles):
                 slowed(number, tmp_path / "work" / name)
+        radio.wait_until_located(LOCATED_S)
         with pytest.raises(PreflightFailed, match="uav1: two vehicles"):
             asyncio.run(run_flight.run_flight(order, console))
     stops = [line for line in console.lines if line.startswith(Severity.STOP.value)]
