@@ -217,6 +217,24 @@ async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:
         assert await page.locator("#steps img, #steps script").count() == 0
 
 
+async def test_another_network_is_seen_at_once_and_nothing_of_the_one_before_stays_chosen(tmp_path: Path) -> None:
+    first = write_kml(tmp_path / "first.kml").read_text(encoding="utf-8")
+    async with planning(tmp_path) as (page, server):
+        hand = Hand(page)
+        await page.evaluate(DROP, ["line.kml", first])
+        await expect(page.locator("#step-network .status")).to_have_text("12 segments")
+        await hand.click('[data-tool="box"]')
+        await hand.drag((0.01, 0.01), (0.99, 0.99))
+        await expect(page.locator("#selected b")).to_have_text(re.compile("^12 segments"))
+        await page.evaluate(DROP, ["far.kml", first.replace(">15.6", ">17.6").replace(" 15.6", " 17.6")])
+        await expect(page.locator("#site-name")).to_have_text("far")
+        await expect(page.locator("#selected")).to_be_hidden()
+        server.checked()
+        await hand.click('[data-tool="box"]')
+        await hand.drag((0.01, 0.01), (0.99, 0.99))
+        await expect(page.locator("#selected b")).to_have_text(re.compile("^12 segments"))
+
+
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 async def test_every_step_is_legible_and_whole_at_every_width(tmp_path: Path, scheme: str, language: str) -> None:
