@@ -7,16 +7,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import ClassVar, Protocol
 
+from simulator.airframe import Airframe
+from simulator.config import SimVehicle
 from simulator.guidance import find_target
 from simulator.messages import Outbound, build_message
-from simulator.physics import DRAG_PER_S, GRAVITY_M_S2, THRUST_TO_WEIGHT, Body, Home, Place
-
-if TYPE_CHECKING:
-    from simulator.autopilot import Autopilot
+from simulator.physics import DRAG_PER_S, GRAVITY_M_S2, THRUST_TO_WEIGHT, Body, Home, Place, Positioning
 
 Builder = Callable[[], Outbound | None]
+
+
+class Reporter(Protocol):
+    """What a vehicle has that is reported."""
+
+    CAPABILITIES: ClassVar[int]
+    VERSION: ClassVar[tuple[int, int, int, int]]
+    vehicle: SimVehicle
+    home: Home
+    frame: Airframe
+    positioning: Positioning
+    now_s: float
+
+    @property
+    def boot_ms(self) -> int:
+        """Time since boot."""
+        ...
+
+    @property
+    def gps_fix(self) -> int:
+        """GPS_FIX_TYPE."""
+        ...
+
+
 INT16_MAX = 32767
 UINT16_MAX = 65535
 UNUSED_CELLS = (UINT16_MAX,) * 9
@@ -35,7 +58,7 @@ AUTOPILOT_ESTIMATOR = 8
 """MAV_ESTIMATOR_TYPE."""
 
 
-def make_builders(vehicle: Autopilot) -> Mapping[str, Builder]:
+def make_builders(vehicle: Reporter) -> Mapping[str, Builder]:
     """Return what makes the telemetry that both dialects fill alike, by the message's name."""
     home, body, frame = vehicle.home, vehicle.frame.body, vehicle.frame
     lat, lon = home.lat_lon_e7(0.0, 0.0)
@@ -71,11 +94,11 @@ def make_builders(vehicle: Autopilot) -> Mapping[str, Builder]:
         "EXTENDED_SYS_STATE": lambda: build_message(
             "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(frame.landed_state)
         ),
-        **_make_sensors(vehicle), **_make_targets(vehicle),
+        **_make_sensors(vehicle), **_make_states(vehicle), **_make_targets(vehicle),
     }  # fmt: skip
 
 
-def _make_sensors(vehicle: Autopilot) -> Mapping[str, Builder]:
+def _make_sensors(vehicle: Reporter) -> Mapping[str, Builder]:
     """Return what makes the reports of sensors and motors, which are sent when somebody asks for them."""
     home, body = vehicle.home, vehicle.frame.body
 
@@ -102,11 +125,10 @@ def _make_sensors(vehicle: Autopilot) -> Mapping[str, Builder]:
         others = {f"servo{number}_raw": 0 for number in range(MOTORS + 1, 9)}
         return build_message("SERVO_OUTPUT_RAW", time_usec=vehicle.boot_ms * 1000, port=0, **pwm, **others)
 
-    p_q_r = lambda: dict(zip(("rollspeed", "pitchspeed", "yawspeed"), body.turn_rates_rad_s, strict=True))  # noqa: E731
     return {
         "ATTITUDE_QUATERNION": lambda: build_message(
             "ATTITUDE_QUATERNION", time_boot_ms=vehicle.boot_ms,
-            **{f"q{at}": value for at, value in enumerate(body.quaternion, start=1)}, **p_q_r(),
+            **{f"q{at}": value for at, value in enumerate(body.quaternion, start=1)}, **name_rates(body),
         ),
         "RAW_IMU": lambda: scaled_imu("RAW_IMU", time_usec=vehicle.boot_ms * 1000),
         "SCALED_IMU": lambda: scaled_imu("SCALED_IMU", time_boot_ms=vehicle.boot_ms),
@@ -120,6 +142,13 @@ def _make_sensors(vehicle: Autopilot) -> Mapping[str, Builder]:
             "ACTUATOR_OUTPUT_STATUS", time_usec=vehicle.boot_ms * 1000, active=MOTORS,
             actuator=(*motors(), *(0.0,) * (32 - MOTORS)),
         ),
+    }  # fmt: skip
+
+
+def _make_states(vehicle: Reporter) -> Mapping[str, Builder]:
+    """Return what makes the reports of where it is, as estimated and as it is."""
+    home, body = vehicle.home, vehicle.frame.body
+    return {
         "ALTITUDE": lambda: build_message(
             "ALTITUDE", time_usec=vehicle.boot_ms * 1000, altitude_monotonic=home.alt_m + body.up_m,
             altitude_amsl=home.alt_m + body.up_m, altitude_local=body.up_m, altitude_relative=body.up_m,
@@ -128,10 +157,10 @@ def _make_sensors(vehicle: Autopilot) -> Mapping[str, Builder]:
         "ODOMETRY": lambda: build_message(
             "ODOMETRY", time_usec=vehicle.boot_ms * 1000, frame_id=LOCAL_NED, child_frame_id=LOCAL_NED,
             x=body.north_m, y=body.east_m, z=-body.up_m, q=body.quaternion, vx=body.v_north_m_s, vy=body.v_east_m_s,
-            vz=-body.v_up_m_s, **p_q_r(), pose_covariance=UNKNOWN_COVARIANCE, velocity_covariance=UNKNOWN_COVARIANCE,
+            vz=-body.v_up_m_s, **name_rates(body), pose_covariance=UNKNOWN_COVARIANCE, velocity_covariance=UNKNOWN_COVARIANCE,
             reset_counter=0, estimator_type=AUTOPILOT_ESTIMATOR, quality=0,
         ),
-        "HIL_STATE_QUATERNION": lambda: _build_truth(vehicle, p_q_r()),
+        "HIL_STATE_QUATERNION": lambda: _build_truth(vehicle, name_rates(body)),
         "SIMSTATE": lambda: build_message(
             "SIMSTATE", roll=body.roll_rad, pitch=body.pitch_rad, yaw=body.yaw_rad,
             **dict(zip(("xacc", "yacc", "zacc"), body.specific_force_m_s2, strict=True)),
@@ -146,7 +175,12 @@ def _make_sensors(vehicle: Autopilot) -> Mapping[str, Builder]:
     }  # fmt: skip
 
 
-def _build_truth(vehicle: Autopilot, rates: Mapping[str, float]) -> Outbound:
+def name_rates(body: Body) -> dict[str, float]:
+    """Return how fast it turns, by the fields' names."""
+    return dict(zip(("rollspeed", "pitchspeed", "yawspeed"), body.turn_rates_rad_s, strict=True))
+
+
+def _build_truth(vehicle: Reporter, rates: Mapping[str, float]) -> Outbound:
     home, body = vehicle.home, vehicle.frame.body
     lat, lon = home.lat_lon_e7(body.east_m, body.north_m)
     x, y, z = (round(value * MILLI_G) for value in body.specific_force_m_s2)
@@ -159,7 +193,7 @@ def _build_truth(vehicle: Autopilot, rates: Mapping[str, float]) -> Outbound:
     )  # fmt: skip
 
 
-def _make_targets(vehicle: Autopilot) -> Mapping[str, Builder]:
+def _make_targets(vehicle: Reporter) -> Mapping[str, Builder]:
     """Return what makes the reports of where it flies to; without such a place there is none."""
     home, body = vehicle.home, vehicle.frame.body
 
@@ -216,7 +250,7 @@ def temperature_deg(alt_m: float) -> float:
     return 15.0 - 0.0065 * alt_m
 
 
-def thrust_share(vehicle: Autopilot) -> float:
+def thrust_share(vehicle: Reporter) -> float:
     """Return what share of its full thrust the motors give: what carries the body as it moves now."""
     frame = vehicle.frame
     if not frame.motors_on or frame.body.on_ground:

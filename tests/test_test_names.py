@@ -241,9 +241,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "simulator/airframe.py",
         "simulator/messages.py",
     ),
+    "tests/simulator/test_guided.py": ("simulator/px4_guided.py", "simulator/telemetry.py"),
     "tests/simulator/test_leg_times.py": ("simulator/leg_trajectories.py",),
     "tests/simulator/test_physics.py": ("simulator/guidance.py",),
     "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
+    "tests/simulator/test_wire.py": ("simulator/streams.py",),
     "tests/stories/test_pictures.py": ("simulator/camera.py",),
     "tests/test_docs.py": (
         "scripts/pages/library.py",

@@ -275,7 +275,7 @@ def test_delay_is_there_each_way(kind: AutopilotKind) -> None:
     flight = Flight(kind, "all:delay=0.3@0s")
     flight.run(1)
     sent_s = flight.vehicle.now_s
-    flight.command(520)
+    flight.command(520, 1)
     flight.run_until(lambda: bool(flight.heard("AUTOPILOT_VERSION", sent_s)))
     assert flight.vehicle.now_s - sent_s == pytest.approx(0.6, abs=0.11)
 
