@@ -30,7 +30,7 @@ class Bench:
 @asynccontextmanager
 async def connected(subject: Subject) -> AsyncIterator[Bench]:
     """Connect as its main window does."""
-    from ardupilot_methodic_configurator.backend_flightcontroller import FlightController  # noqa: PLC0415 - optional
+    from ardupilot_methodic_configurator.backend_flightcontroller import FlightController
 
     controller = await asyncio.to_thread(FlightController, network_ports=[])
     try:
@@ -47,7 +47,9 @@ def identify(at: Bench) -> None:
 
 
 def read_parameters(at: Bench) -> None:
-    values, usual = at.controller.download_params(None, at.subject.folder / "all.parm", at.subject.folder / "usual.parm")
+    values, usual = at.controller.download_params(
+        None, at.subject.folder / "all.parm", at.subject.folder / "usual.parm"
+    )
     assert NAME in values
     assert NAME in usual
     at.subject.prove(lambda now: values.keys() == now.parameters.keys())

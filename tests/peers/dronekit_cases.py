@@ -26,7 +26,7 @@ class Drone:
 @asynccontextmanager
 async def connected(subject: Subject) -> AsyncIterator[Drone]:
     """Connect, and wait until it knows the parameters."""
-    from dronekit import connect  # noqa: PLC0415 - optional
+    from dronekit import connect
 
     address = subject.listen()
     vehicle = await asyncio.to_thread(connect, address, wait_ready=True, timeout=PATIENCE_S)
@@ -47,7 +47,7 @@ def set_parameter(at: Drone) -> None:
 
 
 def upload(at: Drone) -> None:
-    from dronekit import Command  # noqa: PLC0415 - optional
+    from dronekit import Command
 
     commands = at.vehicle.commands
     commands.download()
@@ -55,7 +55,9 @@ def upload(at: Drone) -> None:
     commands.clear()
     frame = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
     for command, north in ((mav.MAV_CMD_NAV_TAKEOFF, 0), (mav.MAV_CMD_NAV_WAYPOINT, 1), (mav.MAV_CMD_NAV_WAYPOINT, 2)):
-        commands.add(Command(0, 0, 0, frame, command, 0, 0, 0, 0, 0, 0, PLACE_DEG[0] + north * NORTH_DEG, PLACE_DEG[1], 20))
+        commands.add(
+            Command(0, 0, 0, frame, command, 0, 0, 0, 0, 0, 0, PLACE_DEG[0] + north * NORTH_DEG, PLACE_DEG[1], 20)
+        )
     commands.upload(timeout=PATIENCE_S)
     at.subject.wait_until(lambda now: len(now.mission) == 4)
 
@@ -78,7 +80,7 @@ def take_off(at: Drone) -> None:
 
 
 def go_to(at: Drone) -> None:
-    from dronekit import LocationGlobalRelative  # noqa: PLC0415 - optional
+    from dronekit import LocationGlobalRelative
 
     take_off(at)
     at.vehicle.simple_goto(LocationGlobalRelative(PLACE_DEG[0] + NORTH_DEG, PLACE_DEG[1], 15))
@@ -97,7 +99,7 @@ def read_capabilities(at: Drone) -> None:
 
 
 def move_home(at: Drone) -> None:
-    from dronekit import LocationGlobal  # noqa: PLC0415 - optional
+    from dronekit import LocationGlobal
 
     at.vehicle.commands.download()
     at.vehicle.commands.wait_ready(timeout=PATIENCE_S)

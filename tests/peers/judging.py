@@ -1,12 +1,12 @@
-"""One vehicle, simulated or real, before a client that nobody here wrote; what is tried with it, and what comes of it."""
+"""One vehicle, simulated or real, before a client that nobody here wrote, and what comes of it."""
 
 from __future__ import annotations
 
 import asyncio
 import inspect
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
-from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import AbstractAsyncContextManager, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -78,7 +78,7 @@ class Subject:
 
     async def until_stored(self, *, fence: int = 0, rally: int = 0) -> None:
         """Wait until so many items of a fence, and rally points, are on board."""
-        while not self.has_stored(fence=fence, rally=rally):
+        while not self.has_stored(fence=fence, rally=rally):  # noqa: ASYNC110 - nobody tells when
             await asyncio.sleep(ASK_AGAIN_S)
 
     def wait_until(self, is_so: Callable[[VehicleState], bool], patience_s: float = PATIENCE_S) -> None:
@@ -87,7 +87,7 @@ class Subject:
 
     async def until(self, is_so: Callable[[VehicleState], bool]) -> None:
         """Wait until something is true of it."""
-        while not self.is_so(is_so):
+        while not self.is_so(is_so):  # noqa: ASYNC110 - nobody tells when
             await asyncio.sleep(ASK_AGAIN_S)
 
 

@@ -26,7 +26,7 @@ class Kit:
 @asynccontextmanager
 async def connected(subject: Subject) -> AsyncIterator[Kit]:
     """Connect."""
-    from mavkit import Vehicle  # noqa: PLC0415 - optional
+    from mavkit import Vehicle
 
     vehicle = await Vehicle.connect(subject.listen())
     try:
@@ -35,15 +35,15 @@ async def connected(subject: Subject) -> AsyncIterator[Kit]:
         await vehicle.disconnect()
 
 
-def build_plan(kind: str, *commands: int) -> Any:  # noqa: ANN401 - optional
+def build_plan(kind: str, *commands: int) -> Any:
     """Return a plan of items further and further north."""
-    from mavkit import HomePosition, MissionFrame, MissionItem, MissionPlan, MissionType  # noqa: PLC0415 - optional
+    from mavkit import HomePosition, MissionFrame, MissionItem, MissionPlan, MissionType
 
     items = [
         MissionItem(
-            seq=seq, command=command, frame=MissionFrame.GlobalRelativeAltInt, x=round((PLACE_DEG[0] + seq * NORTH_DEG) * 1e7),
-            y=round(PLACE_DEG[1] * 1e7), z=20.0, current=seq == 0 and kind == "Mission",
-            param1=40.0 if kind == "Fence" else 0.0,
+            seq=seq, command=command, frame=MissionFrame.GlobalRelativeAltInt,
+            x=round((PLACE_DEG[0] + seq * NORTH_DEG) * 1e7), y=round(PLACE_DEG[1] * 1e7), z=20.0,
+            current=seq == 0 and kind == "Mission", param1=40.0 if kind == "Fence" else 0.0,
         )
         for seq, command in enumerate(commands)
     ]  # fmt: skip

@@ -25,7 +25,7 @@ class Link:
     subject: Subject
     master: Any
 
-    def hear(self, *kinds: str) -> Any:  # noqa: ANN401 - pymavlink has no types
+    def hear(self, *kinds: str) -> Any:
         """Return the next message of these kinds."""
         message = self.master.recv_match(type=list(kinds), blocking=True, timeout=ANSWER_S)
         assert message is not None, f"no {' or '.join(kinds)}"
@@ -51,7 +51,7 @@ async def linked(subject: Subject) -> AsyncIterator[Link]:
 # Missions as mavwp loads and mavutil sends them, with floats where those are asked for.
 
 
-def send(at: Link, loader: Any, kind: int) -> int:  # noqa: ANN401
+def send(at: Link, loader: Any, kind: int) -> int:
     """Upload what a loader has and return the result."""
     at.master.mav.mission_count_send(1, 1, loader.count(), kind)
     while (asked := at.hear("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK")).get_type() != "MISSION_ACK":
@@ -147,7 +147,8 @@ def fetch_all(at: Link) -> None:
 
 
 def set_one(at: Link) -> None:
-    assert mavparm.MAVParmDict().mavset(at.master, name := name_float(at), 33.5, parm_type=mav.MAV_PARAM_TYPE_REAL32)
+    name = name_float(at)
+    assert mavparm.MAVParmDict().mavset(at.master, name, 33.5, parm_type=mav.MAV_PARAM_TYPE_REAL32)
     at.subject.prove(lambda now: now.parameters[name] == 33.5)
 
 
