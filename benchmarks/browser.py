@@ -12,7 +12,16 @@ from multiprocessing.connection import Connection
 
 AGAIN_S = 0.2
 """Real seconds between two attempts to reach a page that is not there yet."""
-LOAD = ("/", "/files/page.css", "/files/page.js", "/files/map.js", "/files/chart.js", "/files/strips.js", "/chart")
+LOAD = (
+    "/",
+    "/files/map.css",
+    "/files/page.css",
+    "/files/page.js",
+    "/files/map.js",
+    "/files/chart.js",
+    "/files/strips.js",
+    "/chart",
+)
 """What a browser asks for before it follows."""
 
 Seen = list[tuple[float, float]]

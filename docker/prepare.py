@@ -14,7 +14,7 @@ import tomllib
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import tomli_w
+import tomlkit
 
 from executor.errors import ExecutorError
 from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, USUAL_VEHICLES
@@ -62,7 +62,7 @@ def main() -> int:
         ground = site_model.load_site_model(check_site(content, str(given.pattern)), given.pattern.parent)
         frame = ground.network.frame
         pads = [(*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m) for pad in ground.setup.pads]
-        (given.into / "site.toml").write_text(tomli_w.dumps(content), encoding="utf-8")
+        (given.into / "site.toml").write_text(tomlkit.dumps(content), encoding="utf-8")
         lines = [f"{lat_deg:.7f} {lon_deg:.7f} {alt_m:.1f}\n" for lat_deg, lon_deg, alt_m in pads]
         (given.into / "pads").write_text("".join(lines), encoding="utf-8")
     except (OSError, ValueError, ExecutorError, MissionsError) as error:

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as _version_of
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,7 @@ from faultline_start import find_stranger
 if _wrong := find_stranger():
     raise ImportError(f"faultline: {_wrong}")
 
+from executor import __version__
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FlightReport, read_report
 from executor.analysis.flight_record import FlightRecord
@@ -50,11 +49,6 @@ __all__ = [
     "Result", "Run", "Seconds", "Vehicle", "__version__", "build_instance", "build_site", "check", "plan", "read_plan",
     "read_run", "replan", "replan_window", "solve", "travel_for", "window", "write_plan",
 ]  # fmt: skip
-
-try:
-    __version__ = _version_of("faultline")
-except PackageNotFoundError:  # a source tree that nobody installed
-    __version__ = "0"
 
 ERRORS = (ExecutorError, MissionsError, PlannerError)
 """What bad input raises, to be caught together; the text is one line."""

@@ -20,8 +20,11 @@ from missions.autopilots.dialect import (
     StartStep,
     ThresholdUnit,
     Words,
+    add_first_names,
     dialect_for,
     dialect_of,
+    find_name_on_board,
+    list_other_names,
 )
 from missions.clearance import (
     check_ceiling,

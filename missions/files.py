@@ -93,11 +93,22 @@ def write_whole(path: Path, content: bytes) -> None:
     except OSError:
         draft.unlink(missing_ok=True)
         raise
+    if sys.platform == "win32":
+        return  # which opens no folder
     folder = os.open(path.parent, os.O_RDONLY)
     try:
         os.fsync(folder)  # the new name
     finally:
         os.close(folder)
+
+
+def stamp_file(path: Path) -> tuple[int, int] | None:
+    """Return when a file or folder was written, and its size: another one whenever it is; None where there is none."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    return found.st_mtime_ns, found.st_size
 
 
 def is_number(value: object) -> TypeGuard[int | float]:

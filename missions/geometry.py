@@ -15,6 +15,8 @@ from missions.geo import BoolArray, FloatArray, IndexArray
 
 SHORTEST_M2 = 1e-12
 """The square of a length that counts as one."""
+MOST_PAIRS = 300_000
+"""Pairs that are looked at together: enough to be fast, and few enough to fit anywhere."""
 
 
 def find_nearest_on_legs(
@@ -27,13 +29,41 @@ def find_nearest_on_legs(
         begins_m: (n, d), where the legs begin.
         along_m: (n, d), from there to where they end.
     """
-    offsets = places_m[:, np.newaxis] - begins_m
-    square = np.maximum((along_m**2).sum(axis=1), SHORTEST_M2)
-    share = np.clip((offsets * along_m).sum(axis=2) / square, 0.0, 1.0)
-    apart = offsets - share[..., np.newaxis] * along_m
-    if apart.shape[2] == 2:
+    return find_nearest_along(places_m[:, np.newaxis] - begins_m, along_m)
+
+
+def find_nearest_along(offsets_m: FloatArray, along_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return distances of places from legs, and where on each leg that is, as a share of it from 0 to 1.
+
+    Args:
+        offsets_m: (..., d) from where the legs begin to the places.
+        along_m: (..., d) from there to where they end.
+    """
+    square = np.maximum((along_m**2).sum(axis=-1), SHORTEST_M2)
+    share = np.clip((offsets_m * along_m).sum(axis=-1) / square, 0.0, 1.0)
+    apart = offsets_m - share[..., np.newaxis] * along_m
+    if apart.shape[-1] == 2:
         return np.hypot(apart[..., 0], apart[..., 1]), share
-    return np.sqrt((apart**2).sum(axis=2)), share
+    return np.sqrt((apart**2).sum(axis=-1)), share
+
+
+def pair_with_ranges(firsts: IndexArray, lasts: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Yield each row's number beside every place of its range in order, `MOST_PAIRS` or a row at a time.
+
+    Args:
+        firsts: (n,) where the range of each row begins.
+        lasts: (n,) behind where it ends.
+    """
+    counts = np.maximum(lasts - firsts, 0)
+    ends = np.cumsum(counts)
+    begin = 0
+    while begin < len(counts):
+        before = ends[begin] - counts[begin]
+        end = max(begin + 1, int(np.searchsorted(ends, before + MOST_PAIRS, side="right")))
+        own = counts[begin:end]
+        shifts = firsts[begin:end] - (np.cumsum(own) - own)
+        yield np.repeat(np.arange(begin, end), own), np.arange(int(own.sum())) + np.repeat(shifts, own)
+        begin = end
 
 
 def distances_between_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
@@ -116,19 +146,21 @@ def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int,
     lows, highs, along = ends_m.min(axis=1), ends_m.max(axis=1), ends_m[:, 1] - ends_m[:, 0]
     axis = int(np.argmax(np.ptp(ends_m.reshape(-1, 2), axis=0)))
     order = np.argsort(lows[:, axis], kind="stable")
-    last = np.searchsorted(lows[order, axis], highs[:, axis], side="right")
-    for place, one in enumerate(order.tolist()):
-        rest = order[place + 1 : last[one]]
-        rest = rest[((lows[rest] <= highs[one]) & (highs[rest] >= lows[one])).all(axis=1)]
-        rest = rest[~np.isin(nodes[rest], nodes[one]).any(axis=1)] if rest.size else rest
+    last = np.searchsorted(lows[order, axis], highs[order, axis], side="right")
+    for rows, places in pair_with_ranges(np.arange(1, len(order) + 1), last):
+        one, rest = order[rows], order[places]
+        meets = ((lows[rest] <= highs[one]) & (highs[rest] >= lows[one])).all(axis=1)
+        one, rest = one[meets], rest[meets]
+        apart = (nodes[one][:, :, np.newaxis] != nodes[rest][:, np.newaxis]).all(axis=(1, 2))
+        one, rest = one[apart], rest[apart]
         from_m, way_m, ways_m = ends_m[rest, 0] - ends_m[one, 0], along[one], along[rest]
-        turned = way_m[0] * ways_m[:, 1] - way_m[1] * ways_m[:, 0]
+        turned = way_m[:, 0] * ways_m[:, 1] - way_m[:, 1] * ways_m[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             mine = (from_m[:, 0] * ways_m[:, 1] - from_m[:, 1] * ways_m[:, 0]) / turned
-            theirs = (from_m[:, 0] * way_m[1] - from_m[:, 1] * way_m[0]) / turned
+            theirs = (from_m[:, 0] * way_m[:, 1] - from_m[:, 1] * way_m[:, 0]) / turned
         for number in np.flatnonzero((mine > 0) & (mine < 1) & (theirs > 0) & (theirs < 1)):
-            east_m, north_m = (ends_m[one, 0] + mine[number] * way_m).tolist()
-            first, second = sorted((one, int(rest[number])))
+            east_m, north_m = (ends_m[one[number], 0] + mine[number] * way_m[number]).tolist()
+            first, second = sorted((int(one[number]), int(rest[number])))
             yield first, second, (east_m, north_m)
 
 

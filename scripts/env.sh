@@ -9,7 +9,7 @@ env_make() {
     root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
     python=${FAULTLINE_PYTHON:-}
     if [ -z "$python" ]; then
-        for python in python3.11 python3.12 python3.13 python3; do
+        for python in python3.11 python3.12 python3.13 python3.14 python3; do
             command -v "$python" >/dev/null && break
         done
     fi

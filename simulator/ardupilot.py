@@ -86,8 +86,9 @@ class ArduPilot(Autopilot):
     KILL_SAYS: ClassVar = "RC: Motors Emergency Stopped"
     WORDS: ClassVar = Mode.__members__
     FIX: ClassVar = 6
-    CAPABILITIES: ClassVar = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 13
-    """Missions in float and int, parameters as floats, COMMAND_INT, MAVLink 2."""
+    CAPABILITIES: ClassVar = sum(1 << bit for bit in (0, 1, 2, 3, 5, 7, 8, 13, 14, 15))
+    """Missions in float and int, parameters as floats, COMMAND_INT, files, set-points of both kinds, MAVLink 2, fence,
+    rally points."""
     UNKNOWN: ClassVar = frozenset({"ALTITUDE", "ODOMETRY", "ACTUATOR_OUTPUT_STATUS", "HIL_STATE_QUATERNION"})
     VERSION: ClassVar = (4, 7, 0, DEV)
 

@@ -477,22 +477,14 @@ class Autopilot(ABC):
                     self.gcs_heard_s = self.now_s
             case messages.Command():
                 self._handle_command(sender, body)
-            case messages.SetMode():
-                self._partner = sender
-                self._set_mode_message(body)
-            case messages.SetPoint():
-                self._follow_set_point(body)
-            case messages.MissionSetCurrent():
-                self.select_item(body.seq)
+            case messages.SetMode() | messages.SetPoint() | messages.MissionSetCurrent():
+                self._obey(sender, body)
             case messages.ParamRequestList() | messages.ParamRequestRead() | messages.ParamSet():
                 self.voice.send(self.params.answer(body), self._asking)
             case messages.RequestDataStream() | messages.RadioStatus():
                 self._adjust_streams(body)
-            case messages.Timesync() | messages.Ping():
+            case messages.Timesync() | messages.Ping() | messages.FileRequest():
                 self._answer(sender, body)
-            case messages.FileRequest():
-                server = self.files[self._asking % len(self.files)]
-                self.voice.send(server.handle(body, sender, self.now_s), self._asking)
             case _:
                 store = self.stores[self._asking % len(self.stores)]
                 announced = isinstance(body, messages.ItemReceived) and store.is_receiving
@@ -506,8 +498,23 @@ class Autopilot(ABC):
         else:
             self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
-    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
+    def _obey(
+        self, sender: messages.Peer, body: messages.SetMode | messages.SetPoint | messages.MissionSetCurrent
+    ) -> None:
+        match body:
+            case messages.SetMode():
+                self._partner = sender
+                self._set_mode_message(body)
+            case messages.SetPoint():
+                self._follow_set_point(body)
+            case messages.MissionSetCurrent():
+                self.select_item(body.seq)
+
+    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
         """Answer questions; what is an answer itself gets none."""
+        if isinstance(body, messages.FileRequest):
+            server = self.files[self._asking % len(self.files)]
+            self.voice.send(server.handle(body, sender, self.now_s), self._asking)
         if isinstance(body, messages.Timesync) and body.tc1 == 0:
             answer = messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)
             self.voice.send([answer], self._asking)

@@ -5,6 +5,7 @@ One file can be open at a time. What a station writes is there until the simulat
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 import zlib
@@ -135,13 +136,12 @@ class OpenFile:
     def read(self, offset: int, most: int) -> bytes:
         """Return a part of it."""
         if self.data is None:
-            assert self.virtual is not None
-            self.data = bytearray(self.virtual.build(most))
+            self.data = bytearray() if self.virtual is None else bytearray(self.virtual.build(most))
         return bytes(self.data[offset : offset + most])
 
     def write(self, offset: int, data: bytes) -> None:
         """Change a part of it; a gap before that is zeros."""
-        assert self.data is not None
+        self.data = bytearray() if self.data is None else self.data
         self.data.extend(bytes(max(0, offset + len(data) - len(self.data))))
         self.data[offset : offset + len(data)] = data
 
@@ -194,13 +194,26 @@ class FileServer:
 
     def take_burst(self) -> list[Outbound]:
         """Return the next few parts of a burst."""
-        return [one for one, _ in zip(self._burst, range(CHUNKS_A_STEP), strict=False)]
+        return list(itertools.islice(self._burst, CHUNKS_A_STEP))
 
-    def tick(self, now_s: float) -> list[Outbound]:
+    def tick(self, now_s: float) -> Sequence[Outbound]:
         """Return what is to be sent now, and close what nobody asks for any more."""
-        if self._open is not None and now_s - self._asked_s > self.SILENCE_S:
+        if self._open is None:
+            return ()
+        if now_s - self._asked_s > self.SILENCE_S:
             self._close()
         return self.take_burst()
+
+    @property
+    def _file(self) -> OpenFile:
+        """The file that is open.
+
+        Raises:
+            FileRefusedError: there is none.
+        """
+        if self._open is None:
+            raise FileRefusedError(Error.INVALID_SESSION)
+        return self._open
 
     # What the two do differently.
 
@@ -272,18 +285,16 @@ class FileServer:
         return WORD.pack(self._open.size)
 
     def _read(self, request: FileRequest) -> bytes:
-        assert self._open is not None
-        if request.offset >= self._open.size:
+        if request.offset >= self._file.size:
             raise FileRefusedError(Error.END_OF_FILE)
-        if self._open.writes:
+        if self._file.writes:
             raise FileRefusedError(Error.FAIL_ERRNO, BAD_FILE)
-        return self._open.read(request.offset, request.size)
+        return self._file.read(request.offset, request.size)
 
     def _write(self, request: FileRequest) -> bytes:
-        assert self._open is not None
-        if not self._open.writes:
+        if not self._file.writes:
             raise FileRefusedError(Error.FAIL_ERRNO, BAD_FILE)
-        self._open.write(request.offset, request.data)
+        self._file.write(request.offset, request.data)
         return WORD.pack(len(request.data))
 
     def _list(self, request: FileRequest) -> bytes:
@@ -303,8 +314,7 @@ class FileServer:
             file.virtual.put(bytes(file.data or b""))
 
     def _iterate_burst(self, request: FileRequest, sender: Peer) -> Iterator[Outbound]:
-        assert self._open is not None
-        file, offset, number = self._open, request.offset, request.number
+        file, offset, number = self._file, request.offset, request.number
         while offset < file.size:
             data = file.read(offset, DATA_BYTES)
             yield self._answer(request, sender, Reply(data, offset), number=number)
@@ -421,15 +431,13 @@ class ArduPilotFileServer(FileServer):
         return b"" if writes else WORD.pack(self._open.size)
 
     def _read(self, request: FileRequest) -> bytes:
-        assert self._open is not None
-        data = self._open.read(request.offset, min(request.size, DATA_BYTES))
+        data = self._file.read(request.offset, min(request.size, DATA_BYTES))
         if not data:
             raise FileRefusedError(Error.END_OF_FILE)
         return data
 
     def _write(self, request: FileRequest) -> bytes:
-        assert self._open is not None
-        self._open.write(request.offset, request.data)
+        self._file.write(request.offset, request.data)
         return b""
 
     def _list(self, request: FileRequest) -> bytes:
@@ -445,8 +453,7 @@ class ArduPilotFileServer(FileServer):
         self._session = -1
 
     def _iterate_burst(self, request: FileRequest, sender: Peer) -> Iterator[Outbound]:
-        assert self._open is not None
-        file, most, number, after = self._open, request.size or DATA_BYTES, request.number, 0
+        file, most, number, after = self._file, request.size or DATA_BYTES, request.number, 0
         for chunk in range(self.MOST_CHUNKS):
             offset = request.offset + chunk * most
             data = file.read(offset, most)

@@ -193,8 +193,10 @@ def corner_speed_m_s(before: Leg, after: Place, limits: Limits, cut_m: float) ->
 def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
     """Return the velocity that the goal asks for, ``age_s`` after it was begun."""
     match goal:
-        case SpoolUp():
+        case SpoolUp() | leg_trajectories.Px4Leg():
             return Velocity()
+        case Drift() | Circle():
+            return goal.velocity if isinstance(goal, Drift) else _compute_circling_velocity(goal, body, limits)
         case Climb():
             east, north = _approach_velocity_m_s(goal.place, body, limits)
             up = _vertical_speed_m_s(goal.place.up_m, body, limits)
@@ -221,12 +223,6 @@ def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limit
                 velocity.north_m_s + RIDE_PER_S * (place.north_m - body.north_m),
                 velocity.up_m_s + RIDE_PER_S * (place.up_m - body.up_m),
             )
-        case Drift():
-            return goal.velocity
-        case Circle():
-            return _compute_circling_velocity(goal, body, limits)
-        case leg_trajectories.Px4Leg():
-            return Velocity()
 
 
 def is_finished(goal: Goal, body: Body, age_s: float) -> bool:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os.path
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import takewhile
 
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.errors import FleetError
@@ -73,12 +73,14 @@ ARDUPILOT = _build_table(
         "FENCE_ALT_MAX": 100, "FENCE_RADIUS": 300, "RALLY_LIMIT_KM": 0.3, "GUID_TIMEOUT": 3,
     },
 )  # fmt: skip
-# PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason. SYS_FAILURE_EN is 1 in its simulation.
+# PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason. SYS_FAILURE_EN is 1 where it is
+# simulated.
 PX4 = _build_table(
     int32={
         "MAV_TYPE": 2, "SYS_AUTOSTART": 4001, "NAV_DLL_ACT": 2, "NAV_RCL_ACT": 2, "COM_DL_LOSS_T": 10,
         "COM_LOW_BAT_ACT": 0, "COM_FLTT_LOW_ACT": 0, "COM_RC_IN_MODE": 1, "BAT1_N_CELLS": 0, "RTL_TYPE": 0,
-        "RTL_CONE_ANG": 45, "MIS_TKO_LAND_REQ": 0, "GF_ACTION": 2, "COM_DLL_EXCEPT": 0, "TRIG_MODE": 0, "SYS_FAILURE_EN": 1,
+        "RTL_CONE_ANG": 45, "MIS_TKO_LAND_REQ": 0, "GF_ACTION": 2, "COM_DLL_EXCEPT": 0, "TRIG_MODE": 0,
+        "SYS_FAILURE_EN": 1,
     },
     real32={
         "COM_FAIL_ACT_T": 5, "COM_DISARM_LAND": 2, "BAT_LOW_THR": 0.15, "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05,
@@ -187,7 +189,8 @@ class ParamTable:
             values = [to_number(self._values[name])]
             if with_defaults and self._values[name] != self._defaults[name]:
                 values.append(to_number(self._defaults[name]))
-            common = min(len(os.path.commonprefix([name, before])), len(name) - 1)
+            same = takewhile(lambda pair: pair[0] == pair[1], zip(name, before, strict=False))
+            common = min(sum(1 for _ in same), len(name) - 1)
             own, before = name[common:].encode("ascii"), name
             entry = bytes([number | (len(values) - 1) << 4, common | (len(own) - 1) << 4]) + own
             entry += b"".join(struct.pack(layout, value) for value in values)

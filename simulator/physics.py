@@ -256,7 +256,10 @@ class Body:
         self.north_m += north
         self.up_m += up
         self.flown_m += math.sqrt(east * east + north * north + up * up)
-        self.acceleration = Velocity(*((now - was) / dt_s for was, now in zip(before, self.velocity, strict=True)))
+        self.acceleration = Velocity(
+            (self.v_east_m_s - before[0]) / dt_s, (self.v_north_m_s - before[1]) / dt_s,
+            (self.v_up_m_s - before[2]) / dt_s,
+        )  # fmt: skip
         if self.up_m <= 0.0 and self.v_up_m_s <= 0.0:
             self.up_m = 0.0
             self.stop()

@@ -66,8 +66,9 @@ class Px4(Px4Guided):
     KILL_SAYS: ClassVar = "Kill engaged"
     WORDS: ClassVar = WORDS
     FIX: ClassVar = 3
-    CAPABILITIES: ClassVar = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
-    """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
+    CAPABILITIES: ClassVar = sum(1 << bit for bit in (0, 1, 2, 3, 4, 5, 7, 13, 14, 15))
+    """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, files, set-points, MAVLink 2, fence,
+    rally points."""
     UNKNOWN: ClassVar = frozenset({"SIMSTATE", "RC_CHANNELS", "RAW_IMU"})
     VERSION: ClassVar = (1, 17, 0, OFFICIAL)
     STREAMS_S: ClassVar = {
@@ -123,7 +124,7 @@ class Px4(Px4Guided):
                 return messages.Result.ACCEPTED
             self.voice.send_text(messages.Severity.CRITICAL, "Unsupported auto mode")
             return messages.Result.TEMPORARILY_REJECTED
-        self._action_due = None
+        self._action_due, self._lost_set_points = None, False
         if mode == Mode.MISSION and self.frame.armed and not self._store.items:
             self.voice.send_text(messages.Severity.CRITICAL, "Switching to Mission is currently not available")
             return messages.Result.TEMPORARILY_REJECTED
@@ -165,6 +166,7 @@ class Px4(Px4Guided):
             self.mission.leave()
         if self.mode == Mode.ORBIT:
             self.frame.body.face_rad = None
+        self._lost_set_points &= mode == Mode.RETURN
         if mode != self.mode:
             self.frame.record_event(f"mode {mode.name}")
         self.mode = mode

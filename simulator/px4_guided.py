@@ -8,7 +8,7 @@ from enum import IntEnum
 
 from simulator import messages
 from simulator.autopilot import Autopilot, Handler
-from simulator.guidance import Circle, find_stopping_place
+from simulator.guidance import Circle, Hover, find_stopping_place
 from simulator.mission_px4 import Px4Mission
 from simulator.physics import Limits, Place
 
@@ -52,6 +52,8 @@ class Px4Guided(Autopilot):
         self._takeoff_up_m = self.params["MIS_TAKEOFF_ALT"]
         self._centre = Place(0.0, 0.0, 0.0)
         self._motor_off = False
+        self._lost_set_points = False
+        """Whether it returns because none came."""
 
     def _guided_commands(self) -> dict[int, Handler]:
         return {
@@ -69,10 +71,6 @@ class Px4Guided(Autopilot):
     @abstractmethod
     def _switch(self, mode: Mode) -> None:
         """Change the mode."""
-
-    @abstractmethod
-    def _hold_then(self, mode: Mode | None) -> None:
-        """Hold as a failsafe does, and go on in another mode."""
 
     def _take_off(self, command: messages.Command) -> messages.Result:
         """Take off to a height above mean sea level, or to the usual one."""
@@ -165,10 +163,16 @@ class Px4Guided(Autopilot):
         if self._motor_off and self.guided.may_move:
             self._motor_off = False
             self.frame.damage(lost_thrust=ONE_OF_FOUR, turns_over=True)
-        if self.mode == Mode.TAKEOFF and self.frame.armed and not body.on_ground and self.frame.pilot.goal is None:
+        end = self.frame.takeoff_end
+        if self.mode == Mode.TAKEOFF and self.guided.may_move and self.frame.pilot.goal is None and end is not None:
             self._switch(Mode.LOITER)
+            self.frame.pilot.fly([Hover(end)])
         if self.mode == Mode.ORBIT:
             body.face_rad = math.atan2(self._centre.east_m - body.east_m, self._centre.north_m - body.north_m)
-        if self.mode == Mode.OFFBOARD and self.frame.armed and self._lacks_set_points():
+        if self.mode == Mode.OFFBOARD and self.guided.may_move and self._lacks_set_points():
             self.frame.record_event("failsafe offboard")
-            self._hold_then(Mode.RETURN)
+            self.voice.send_text(messages.Severity.CRITICAL, "Failsafe activated")
+            self._lost_set_points = True
+            self._switch(Mode.RETURN)
+        elif self._lost_set_points and not self._lacks_set_points():
+            self._switch(Mode.OFFBOARD)  # it goes on as soon as they are there again

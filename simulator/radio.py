@@ -20,6 +20,8 @@ from simulator.wire import Codec
 GROUND = -1
 MAGICS = b"\xfd\xfe"
 """What a frame of MAVLink 2 and one of MAVLink 1 begin with."""
+SIGNED = 1
+"""The one flag of a frame that a parser must understand."""
 RADIO_SYSTEM, RADIO_COMPONENT = 51, 68
 LINE_BYTES = 2048
 """What waits before the serial line; an autopilot or a ground station does not send what has no room there."""
@@ -144,15 +146,21 @@ def parse_radio(text: str) -> RadioSetup:
 def measure_frame(data: bytes | bytearray) -> int:
     """Return how many bytes the frame has that these begin with, or what stands before the next one.
 
-    The number is larger than that of the bytes where the frame is not whole.
+    The number is larger than that of the bytes where the frame is not whole. A frame with flags that nobody knows is
+    none: every MAVLink parser looks on behind them (mavlink_helpers.h; measured on both autopilots). So a report of a
+    radio that falls on a frame's length does not have 278 bytes taken for one frame.
     """
     if data[0] not in MAGICS:
-        return next((place for place, byte in enumerate(data) if byte in MAGICS), len(data))
+        return _find_magic(data, 1)
     if len(data) < 3:
         return 8
     if data[0] == MAGICS[1]:
         return 8 + data[1]
-    return 12 + data[1] + (13 if data[2] & 1 else 0)
+    return _find_magic(data, 3) if data[2] & ~SIGNED else 12 + data[1] + 13 * data[2]
+
+
+def _find_magic(data: bytes | bytearray, first: int) -> int:
+    return next((place for place in range(first, len(data)) if data[place] in MAGICS), len(data))
 
 
 def is_heartbeat(frame: bytes) -> bool:

@@ -113,10 +113,8 @@ def describe_answer(message: MavMessage) -> str | None:
             return f"{name_command(message.command)} {_name_entry('MAV_RESULT', message.result, 'MAV_RESULT_')}"
         case "MISSION_ACK":
             return f"MISSION_ACK {name_mission_result(message.type)}"
-        case "MISSION_REQUEST" | "MISSION_REQUEST_INT":
-            return f"{name} {message.seq}"
-        case "MISSION_COUNT":
-            return f"MISSION_COUNT {message.count}"
+        case "MISSION_REQUEST" | "MISSION_REQUEST_INT" | "MISSION_COUNT":
+            return f"{name} {message.count if name == 'MISSION_COUNT' else message.seq}"
         case "PARAM_VALUE":
             kind = _name_entry("MAV_PARAM_TYPE", message.param_type, "MAV_PARAM_TYPE_")
             index = "no index" if message.param_index == 65535 else "its index"

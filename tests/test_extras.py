@@ -8,14 +8,12 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
 from executor.adapters.extras import Extra, packages_of
-from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
-from executor.flight.restore_vehicles import PARAMETERS
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -38,9 +36,11 @@ autopilot = "ardupilot"
 """
 WITHOUT = """
 import contextlib, io, json, sys
-hidden, calls = json.loads(sys.argv[1])
+hidden, calls, captured = json.loads(sys.argv[1])
 sys.modules.update(dict.fromkeys(hidden))  # as if they were not installed
 from executor.cli.main import main
+if not captured:
+    main(calls[0])
 done = []
 for call in calls:
     out, err = io.StringIO(), io.StringIO()
@@ -51,8 +51,6 @@ for call in calls:
             done.append((end.code, out.getvalue(), err.getvalue()))
 print(json.dumps(done))
 """
-UNIX = {"fcntl", "termios"}
-"""What Windows has not: there is planned, checked and replayed without."""
 HEAVY = {name for extra in Extra for name in extra.modules}
 GOES_ON = (
     "plan site.toml --seconds 0.1 -o plan.json",
@@ -62,8 +60,6 @@ GOES_ON = (
     "export plan.json -o exported",
 )
 """What is done without any extra."""
-NOT_FLOWN = "restore run --yes --quiet"
-"""What needs a lock of the system's."""
 REFUSED = {
     "plan site.toml --picture plan.png": ("--picture", Extra.PICTURES),
     "plan site.toml --front --picture front.png": ("--picture", Extra.PICTURES),
@@ -88,10 +84,18 @@ REFUSED = {
 """What needs one: in whose words, and which."""
 
 
-def called(folder: Path, calls: Sequence[str]) -> Mapping[str, tuple[int, str, str]]:
+def build_command(
+    hidden: Collection[str], calls: Sequence[str], *, first: str = "", captured: bool = True
+) -> list[str]:
+    """Return a command that calls the command line in a process in which something is done first."""
+    order = json.dumps([sorted(hidden), [call.split() for call in calls], captured])
+    start = f"import sys; sys.path.insert(0, {str(ROOT)!r}); {first}{WITHOUT}"
+    return [sys.executable, "-X", "warn_default_encoding", "-c", start, order]
+
+
+def called(folder: Path, calls: Sequence[str], *, first: str = "") -> Mapping[str, tuple[int, str, str]]:
     """Call the command line in a process without any extra; return exit code, output and errors of each call."""
-    order = json.dumps([sorted(HEAVY | UNIX), [call.split() for call in calls]])
-    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}){WITHOUT}", order]
+    command = build_command(HEAVY, calls, first=first)
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=200)
     assert done.returncode == 0, done.stderr
     return {call: (code, out, err) for call, (code, out, err) in zip(calls, json.loads(done.stdout), strict=True)}
@@ -111,10 +115,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
             archive.writestr(inside, b"")
     (folder / "flight.tlog").write_bytes(b"")
     (folder / "run").mkdir()
-    changed = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", stage=ChangeStage.SET)
-    PARAMETERS.write(folder / "run", [changed])
-    (folder / "run" / "site.toml").write_text(SITE, encoding="utf-8")
-    return called(folder, [*GOES_ON, *REFUSED, NOT_FLOWN])
+    return called(folder, [*GOES_ON, *REFUSED])
 
 
 @pytest.mark.parametrize("call", GOES_ON)
@@ -130,14 +131,6 @@ def test_a_missing_one_is_one_line_that_says_what_to_install(
     wanted_by, extra = REFUSED[call]
     line = f"faultline: {wanted_by} needs the extra {extra.value[0]}: pip install {' '.join(packages_of(extra))}\n"
     assert said[call] == (2, "", line)
-
-
-def test_a_vehicle_is_reached_only_where_the_system_can_hold_a_run_for_one_program(
-    said: Mapping[str, tuple[int, str, str]],
-) -> None:
-    code, out, err = said[NOT_FLOWN]
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "run: expected Linux or macOS to fly, resume or restore" in err
 
 
 def test_each_extra_is_refused_somewhere() -> None:

@@ -388,7 +388,7 @@ class EventLog:
 
 def _sync_to_disk(fd: int) -> None:
     with suppress(OSError):
-        os.fdatasync(fd)
+        getattr(os, "fdatasync", os.fsync)(fd)  # macOS has no fdatasync
 
 
 def read_head(path: Path) -> LogHeader:

@@ -43,7 +43,7 @@ def describe_missing_extra(extra: Extra, wanted_by: str) -> str:
     """
     if all(find_spec(name) is not None for name in extra.modules):
         return ""
-    # The libraries by their names: on the public index this program's name is another project's.
+    # The libraries by their names: whoever runs a checkout has installed nothing of the index.
     return f"{wanted_by} needs the extra {extra.value[0]}: pip install {' '.join(packages_of(extra))}"
 
 

@@ -54,8 +54,6 @@ class RunDirectory:
     """What was known of them before it; not there if nothing was."""
     page = _File("report.html")
     """The report to be read by people."""
-    map = _File("map.png")
-    """The map of the plan and of the flight."""
     profile = _File("profile.png")
     """The first plan from the side; not there if no raster knew the ground."""
     battery = _File("battery.png")
@@ -108,9 +106,10 @@ def create_run_directory(wanted: Path | None) -> Path:
     """Make the directory of a run; by default a dated one under runs/ in the working directory.
 
     Raises:
-        LogError: it holds a run already, or cannot be made.
+        LogError: it holds a run already, or cannot be made; or nothing can be flown here.
     """
     path = wanted if wanted is not None else name_run(Path("runs"))
+    check_can_fly(path)
     try:
         if RunDirectory(path).events.exists():
             raise LogError(f"{path}: --run: expected a new directory, this one holds a run already")
@@ -125,6 +124,19 @@ def today() -> str:
     return f"{datetime.now().astimezone():%Y-%m-%d}"
 
 
+def check_can_fly(run: Path) -> None:
+    """Check that this system can hold a run directory for one process, without which nothing is flown.
+
+    Raises:
+        LogError: it cannot.
+    """
+    if sys.platform == "win32":
+        raise LogError(
+            f"{run}: expected Linux or macOS to fly, resume or restore, got Windows (use WSL 2); "
+            "planning, checking and replays go without"
+        )
+
+
 @contextmanager
 def lock_run_directory(path: Path) -> Iterator[None]:
     """Hold a run directory: of all processes on this computer one flies it.
@@ -134,14 +146,9 @@ def lock_run_directory(path: Path) -> Iterator[None]:
     Raises:
         LogError: another process holds it, or the system has no such locks: nothing is flown there.
     """
-    try:
-        with hold_lock(RunDirectory(path).lock, f"{path}: another faultline flies this directory already"):
-            yield
-    except ImportError:
-        raise LogError(
-            f"{path}: expected Linux or macOS to fly, resume or restore, got {sys.platform} (on Windows: WSL 2); "
-            "planning, checking and replays go without"
-        ) from None
+    check_can_fly(path)
+    with hold_lock(RunDirectory(path).lock, f"{path}: another faultline flies this directory already"):
+        yield
 
 
 @contextmanager
@@ -156,6 +163,8 @@ def hold_lock(path: Path, taken: str) -> Iterator[None]:
         LogError: another process holds it.
         ImportError: the system has no such locks.
     """
+    if sys.platform == "win32":
+        raise ImportError("fcntl")
     import fcntl
 
     with path.open("a+") as file:

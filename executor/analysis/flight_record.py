@@ -65,11 +65,6 @@ class SegmentRecord:
         """What people call it."""
         return self.name or str(self.id)
 
-    @property
-    def line_m(self) -> tuple[Place, Place]:
-        """Easts, and norths, of both ends."""
-        return (self.a_m[0], self.b_m[0]), (self.a_m[1], self.b_m[1])
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleRecord:

@@ -1,61 +1,87 @@
 """report.html: one file that says what became of a flight, to be read on a screen, on paper, or next year.
 
-It needs no network, no script and no other file: the pictures are inside.
+It needs no network and no other file: the pictures are inside, and so is the script that draws the map. Its content
+security policy lets no other script run.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 from executor.adapters.run_directory import Document
-from executor.adapters.templates import format_value, render_template, write_page
+from executor.adapters.templates import encode_data_url, format_value, render_template, write_page
 from executor.analysis.documents import FlightReport, InspectionRow, RadioRow, SeenRow, describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
+from executor.analysis.report_map import LOOKS, build_report_map
 from executor.core import formatting
 from executor.core.interface.codes import Severity
 from executor.core.interface.commands import Level
+from executor.site.ground_view import DOCUMENT
+from executor.site.site_model import SiteModel
 
 PICTURES = {
-    "map.png": "The first plan, and what was flown",
     "profile.png": "The first plan from the side, over the ground of the raster",
     "battery.png": "Battery consumption over time, planned and measured",
 }
 """Files beside the page, and what they show."""
 
 
-def write_report_page(record: FlightRecord, report: FlightReport, path: Path) -> None:
+def write_report_page(
+    record: FlightRecord,
+    report: FlightReport,
+    path: Path,
+    ground: SiteModel | None = None,
+    below: Mapping[str, bytes] = MappingProxyType({}),
+) -> None:
     """Write the page of a flight; the pictures that lie beside it go into it.
 
     Args:
         record: The flight.
         report: The content of report.json.
         path: The file.
+        ground: Its site, whose network has segments that the flight left out; without it the map has not.
+        below: The files of the ground below the line; empty if it is not known.
 
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
     """
     beside = {words: path.parent / name for name, words in PICTURES.items()}
     pictures = {words: file.read_bytes() for words, file in beside.items() if file.exists()}
-    write_page(path, render_report_page(record, report, pictures))
+    write_page(path, render_report_page(record, report, pictures, ground, below))
 
 
-def render_report_page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:
+def render_report_page(
+    record: FlightRecord,
+    report: FlightReport,
+    pictures: Mapping[str, bytes],
+    ground: SiteModel | None = None,
+    below: Mapping[str, bytes] = MappingProxyType({}),
+) -> str:
     """Return the page.
 
     Args:
         record: The flight.
         report: The content of report.json.
         pictures: PNG files by what they show.
+        ground: Its site, as `write_report_page` has it.
+        below: The files of the ground.
     """
+    images = {name: content for name, content in below.items() if name != DOCUMENT}
     return render_template(
         "report.html",
         outcome=describe_outcome(record),
         complete=not record.uncovered_segments and not record.never,
         facts=_describe_facts(record, report),
         pictures=pictures,
+        map=build_report_map(record, report, ground),
+        looks=LOOKS,
+        ground=json.loads(below[DOCUMENT]) if DOCUMENT in below else None,
+        images={name: encode_data_url(file, f"image/{Path(name).suffix[1:]}") for name, file in images.items()},
         record=record,
         report=report,
         planned={segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments},

@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from executor import __version__
 from executor.errors import ExecutorError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -101,9 +102,7 @@ class _LazyCommand(TyperCommand):
 
 def _print_version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
-
-        typer.echo(f"faultline {version('faultline')}")
+        typer.echo(f"faultline {__version__}")
         raise typer.Exit
 
 

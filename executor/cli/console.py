@@ -297,6 +297,8 @@ def _describe_other_control(hands: TakenView) -> str:
 
 def _drop_typed_input() -> None:
     """Drop what was typed before the question was there: nobody has said yes to it."""
+    if sys.platform == "win32":
+        return  # where nothing is flown
     with suppress(ImportError, OSError, ValueError):
         import termios
 

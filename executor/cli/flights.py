@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -14,7 +14,7 @@ import typer
 from executor.adapters import clock
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
-from executor.adapters.run_directory import RunDirectory, create_run_directory
+from executor.adapters.run_directory import RunDirectory, check_can_fly, create_run_directory
 from executor.analysis.documents import CheckRow, FlightReport, describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
 from executor.cli import options, plan_inputs
@@ -34,7 +34,7 @@ from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_r
 from executor.simulated import simulated_fleet
 from executor.simulated.fault_truths import read_injected_faults
 from executor.site import day_plans, site_model
-from executor.site.ground_view import GroundView, read_ground, view_for
+from executor.site.ground_view import read_ground_files, view_for
 from executor.site.plan_summary import describe_day
 from executor.site.site_file import check_site, read_signing_key, read_site
 from executor.site.site_planning import DEFAULT
@@ -68,6 +68,7 @@ def demo(
     as_json: options.JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
+    check_can_fly(run or Path("runs"))
     content = simulated_fleet.build_demo_site(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )
@@ -327,7 +328,7 @@ def _finish_flight(request: FlightRequest, report: FlightReport, *, as_json: boo
             names = (report.segment_names[str(segment)] for segment in report.left_over)
             _print_line(f"of these, planned for the next sortie: {', '.join(names)}")
     _write_next_flight(request, report, quiet=as_json)
-    _show_flight(request.run, report)
+    _show_flight(request, report)
     if not report.finished:
         raise typer.Exit(ANSWER_IS_NO)
 
@@ -357,39 +358,39 @@ def _write_next_flight(request: FlightRequest, report: FlightReport, *, quiet: b
         _print_line(describe_next_flight(plan, path))
 
 
-def _show_flight(run: Path, report: FlightReport) -> None:
+def _show_flight(request: FlightRequest, report: FlightReport) -> None:
     from executor.analysis.flight_record import read_run
     from executor.analysis.report_page import write_report_page
 
+    run = request.run
     try:
         record = read_run(run)
         if line := describe_missing_extra(Extra.PICTURES, "a picture of the flight"):
             _print_line(f"faultline: {line}", to=sys.stderr)
         else:
             _draw_flight(run, record)
-        write_report_page(record, report, RunDirectory(run).page)
+        write_report_page(record, report, RunDirectory(run).page, request.ground, _read_kept_ground(run))
     except (OSError, *OUR_ERRORS) as error:
         _print_line(f"faultline: the pictures could not be made: {error}", to=sys.stderr)
 
 
 def _draw_flight(run: Path, record: FlightRecord) -> None:
-    from executor.analysis.pictures import draw_battery_figure, draw_flight_figure, draw_profile_figure, save_figure
+    from executor.analysis.pictures import draw_battery_figure, draw_profile_figure, save_figure
     from executor.flight.run_start import read_run_start
 
-    save_figure(draw_flight_figure(record, _read_kept_ground(run)), RunDirectory(run).map)
     save_figure(draw_battery_figure(record), RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
         begun = read_run_start(run)
         save_figure(draw_profile_figure(begun.context.setup, begun.plan.network_routes), RunDirectory(run).profile)
 
 
-def _read_kept_ground(run: Path) -> GroundView | None:
+def _read_kept_ground(run: Path) -> Mapping[str, bytes]:
     """Return the ground below a flight's map; without it where what was kept of it is damaged."""
     try:
-        return read_ground(run)
+        return read_ground_files(run)
     except LogError as error:
         _print_line(f"faultline: {error}: the map is drawn without the ground", to=sys.stderr)
-        return None
+        return {}
 
 
 def restore(

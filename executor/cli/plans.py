@@ -20,6 +20,8 @@ from executor.errors import SiteError
 from executor.flight import next_flight
 from executor.site import plan_summary, site_model, site_planning
 from executor.site.campaigns import describe_policy, open_campaign_runner, sweep_mtbf
+from executor.site.day_plans import preview_day_loss
+from executor.site.flight_keys import MOST_DAYS
 from executor.site.ground_view import view_for
 from executor.site.site_file import read_site
 from executor.site.site_planning import PlanRequest
@@ -239,12 +241,16 @@ def window(
 
 
 def replan(
+    asked: typer.Context,
     plan: options.PlanArgument,
     lost: Annotated[str, typer.Option(metavar="NAME", help="The vehicle that is lost.")],
     at: Annotated[
         float,
         options.number_option(
-            "Time of the loss, from the start of the plan.", 0, options.MOST_SECONDS, metavar="SECONDS"
+            "Time of the loss, from the start of the plan; of a plan of days from its first midnight.",
+            0,
+            MOST_DAYS * options.MOST_SECONDS,
+            metavar="SECONDS",
         ),
     ],
     cost: options.CostOption = options.DEFAULT_REPLAN_COST,
@@ -255,13 +261,27 @@ def replan(
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
+    """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over.
+
+    Of a plan of days: the loss for good. Sorties under way are flown to their end, then the others take over, spares
+    too; the new plan holds what was flown before the loss and what comes after it.
+    """
     plan_inputs.check_can_write(output)
-    content, is_feasible = site_planning.preview_loss(
-        missions.read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed
-    )
+    known = missions.read_any_plan(plan)
+    content: missions.PlanFile | missions.DayPlanFile
+    if isinstance(known, missions.DayPlanFile):
+        for name in ("cost", "seconds"):
+            if plan_inputs.is_option_given(asked, name):
+                raise SiteError(f"--{name}: expected none for a plan of days")
+        content, is_feasible = preview_day_loss(known, lost, at, seed=seed)
+        days = content
+        plan_inputs.print_result(
+            lambda: plan_inputs.build_day_document(days, [], [], None), plan_summary.describe_day(days), as_json=as_json
+        )
+    else:
+        content, is_feasible = site_planning.preview_loss(known, lost, at, cost=cost, seconds=seconds, seed=seed)
+        _print_plan(content, as_json=as_json)
     plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, content))
-    _print_plan(content, as_json=as_json)
     if not is_feasible:
         raise typer.Exit(ANSWER_IS_NO)
 

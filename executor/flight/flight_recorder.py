@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -24,6 +23,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 import missions
+from executor import __version__
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, DISK_S, EventLog, LogPlace, is_place_in_log, to_plain
 from executor.adapters.run_directory import RunDirectory
@@ -33,6 +33,7 @@ from executor.core.context import Context
 from executor.core.interface.commands import Command, Level, Say, Solve, Upload
 from executor.core.interface.events import Event, SolveEnded, Tick
 from executor.core.interface.ports import OpenLink
+from executor.core.replanning.survivors import find_blind_segments
 from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
@@ -120,10 +121,7 @@ class _Vehicle(_Part):
 def describe_program() -> str:
     """Return the version of this program, and the shape of the state that it knows."""
     shape = json.dumps([model.model_json_schema() for model in (_Fleet, _Vehicle)], sort_keys=True)
-    release = ""
-    with suppress(PackageNotFoundError):  # run from its sources
-        release = version("faultline")
-    return f"{release} {_compute_digest(shape.encode())[:16]}"
+    return f"{__version__} {_compute_digest(shape.encode())[:16]}"
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
@@ -433,7 +431,8 @@ class FlightRecorder:
         try:
             vehicles = () if self._state is None else self._state.vehicles.values()
             pricing = place_vehicles(self._seat.context, vehicles).pricing
-            content = await asyncio.to_thread(_build_plan_file, self._seat.request, pricing, planned)
+            blind = {one.name: find_blind_segments(self._seat.context, one) for one in vehicles}
+            content = await asyncio.to_thread(_build_plan_file, self._seat.request, pricing, blind, planned)
         except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
             self.show_notice(Say(Level.WARNING, text), self._seat.clock.now_s())
@@ -461,7 +460,9 @@ def plan_path_of(run: Path, planned: Planned) -> Path:
     return RunDirectory(run).plan_path(planned[1].revision)
 
 
-def _build_plan_file(request: FlightRequest, pricing: missions.Pricing, planned: Planned) -> missions.PlanFile:
+def _build_plan_file(
+    request: FlightRequest, pricing: missions.Pricing, blind: Mapping[str, frozenset[int]], planned: Planned
+) -> missions.PlanFile:
     """Return a re-plan as a plan file, and keep it where there is room."""
     ground, (solve, event) = request.ground, planned
     task, plan = _build_replan(pricing, solve, event)
@@ -470,9 +471,40 @@ def _build_plan_file(request: FlightRequest, pricing: missions.Pricing, planned:
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
         says_distances=False,
     ).with_site_of(request.plan)  # fmt: skip
+    content = name_locks(content, pricing.locked, blind)
     with suppress(OSError):
         missions.write_plan(plan_path_of(request.run, planned), content)
     return content
+
+
+def name_locks(
+    content: missions.PlanFile, locked: Mapping[int, str], blind: Mapping[str, frozenset[int]]
+) -> missions.PlanFile:
+    """Return a re-plan that says which vehicle alone flies a segment, where the solver knew who may not.
+
+    So who looks at its window, or at a loss, lets the others have what was locked to the vehicle that is lost.
+
+    Args:
+        content: The re-plan.
+        locked: The flight's locks, by the network's ids.
+        blind: By the vehicle's name: the ids of the segments that it has no camera for.
+    """
+    if content.pricing is None or not locked:
+        return content
+    ids, barred, names = list(content.positions), content.pricing.barred, frozenset(content.names)
+    locks = {
+        number: locked[segment]
+        for number, segment in enumerate(ids)
+        if locked.get(segment) in names
+        and all((number in barred.get(name, ())) == (name != locked[segment]) for name in names)
+    }
+    kept = {
+        name: frozenset(one for one in own if one not in locks or ids[one] in blind.get(name, ()))
+        for name, own in barred.items()
+    }
+    return replace(
+        content, pricing=replace(content.pricing, locked=locks, barred={name: own for name, own in kept.items() if own})
+    )
 
 
 def _build_replan(pricing: missions.Pricing, solve: Solve, event: SolveEnded) -> tuple[missions.Task, Plan]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from secrets import token_hex
 from typing import Any, Protocol
 
-import tomli_w
+import tomlkit
 
 import missions
 from executor.adapters.clock import SystemClock
@@ -197,7 +197,7 @@ def write_run_start(request: FlightRequest) -> None:
         kept = RunDirectory(request.run).terrain
         write_kept_ground(kept, request.ground.terrain.elevation)
         content["terrain"]["files"] = kept.name
-    write_whole(RunDirectory(request.run).site, tomli_w.dumps(content).encode())
+    write_whole(RunDirectory(request.run).site, tomlkit.dumps(content).encode())
     if request.ground.learned:
         build_learned_document(request.ground.learned, today()).write(RunDirectory(request.run).learned_before)
     missions.write_plan(RunDirectory(request.run).plan_path(0), request.plan)
@@ -297,7 +297,9 @@ def build_context_and_boards(
     """
     dialects = {table.name: missions.dialect_for(table.autopilot) for table in ground.site.vehicle}
     performances = {
-        name: missions.apply_tunings(dialects[name].performance, dialects[name].tunings, known)
+        name: missions.apply_tunings(
+            dialects[name].performance, dialects[name].tunings, missions.add_first_names(dialects[name], known)
+        )
         for name, known in parameters.items()
     }
     task = plan.build_task()

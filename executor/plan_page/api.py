@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal
@@ -21,6 +22,7 @@ from executor.plan_page import flights, site_files
 from executor.plan_page.plan_work import Change, PlanSettings
 from executor.plan_page.planning import Superseded
 from executor.plan_page.site_document import Edit, EditRefused
+from executor.plan_page.site_store import SiteStore
 from executor.plan_page.try_connection import listen_for_vehicle
 from executor.plan_page.workspace import StaleRevision, Workspace
 from executor.site.ground_view import DOCUMENT
@@ -62,21 +64,10 @@ class OpenBody(Body):
     """A site, a network or a plan; `default` for the network that comes with faultline."""
 
 
-class PlanBody(Body):
+class PlanBody(PlanSettings):
     """A plan to be made."""
 
     revision: Revision
-    seconds: Annotated[float, Field(ge=0.1, le=86_400)] = 5.0
-    """Time limit of the search."""
-    cost: Literal["minmax", "minsum", "mincomb", "window"] | None = None
-    """As `faultline plan --cost`; without it the window where there is one to search for."""
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
-    iterations: Annotated[int, Field(ge=1)] | None = None
-    """After so many the search ends, within `seconds`: another computer then finds the same plan."""
-    front: bool = False
-    """Several plans, between longest route, energy and window."""
-    day: bool = False
-    """Working days of many sorties."""
 
 
 class JobBody(Body):
@@ -89,8 +80,8 @@ class LossBody(Body):
     """A loss to think of."""
 
     vehicle: Annotated[str, Field(max_length=32)]
-    at_s: Annotated[float, Field(ge=0, le=1e6)]
-    """From the start of the plan."""
+    at_s: Annotated[float, Field(ge=0, le=1e7)]
+    """From the start of the plan; of days from the first midnight."""
 
 
 class ChangesBody(Body):
@@ -158,29 +149,23 @@ def build_api(workspace: Workspace) -> FastAPI:
 
 def _add_error_answers(api: FastAPI, workspace: Workspace) -> None:
     async def answer_ours(_: Request, error: Exception) -> Response:
-        path = list(error.path) if isinstance(error, EditRefused) else None
-        return JSONResponse({"error": str(error), "path": path}, 422)
-
-    async def answer_stale(_: Request, error: Exception) -> Response:
-        return JSONResponse({"error": str(error), "path": None, "workspace": workspace.describe()}, 409)
-
-    async def answer_superseded(_: Request, error: Exception) -> Response:
-        return JSONResponse({"error": str(error), "path": None}, 409)
+        if isinstance(error, EditRefused):
+            return refuse(str(error), 422, path=error.path)
+        if isinstance(error, StaleRevision):
+            return refuse(str(error), 409, workspace=workspace.describe())
+        return refuse(str(error), 409 if isinstance(error, Superseded) else 422)
 
     async def answer_wrong_body(_: Request, error: Exception) -> Response:
         found = error.errors()[0] if isinstance(error, RequestValidationError) else {"loc": (), "msg": "?"}
         place = [part for part in found["loc"] if part != "body"]
         reason = str(found["msg"]).removeprefix("Value error, ")
-        return JSONResponse({"error": ": ".join([".".join(map(str, place)) or "body", reason]), "path": None}, 422)
+        return refuse(": ".join([".".join(map(str, place)) or "body", reason]), 422)
 
     async def answer_http(_: Request, error: Exception) -> Response:
-        status, text = (error.status_code, error.detail) if isinstance(error, HTTPException) else (400, "cut short")
-        return JSONResponse({"error": text, "path": None}, status)
+        return refuse(error.detail, error.status_code) if isinstance(error, HTTPException) else refuse("cut short", 400)
 
     for kind in (ExecutorError, MissionsError, PlannerError):
         api.add_exception_handler(kind, answer_ours)
-    api.add_exception_handler(StaleRevision, answer_stale)
-    api.add_exception_handler(Superseded, answer_superseded)
     api.add_exception_handler(RequestValidationError, answer_wrong_body)
     api.add_exception_handler(HTTPException, answer_http)
     api.add_exception_handler(ClientDisconnect, answer_http)
@@ -246,28 +231,26 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
     @api.post("/api/edits", responses=answer_of(answers.WorkspaceAnswer))
     async def post_edits(body: EditsBody) -> Response:
         """Do edits of the site file as one step of undo; 409 where the site is another one by now."""
-        await workspace.edit(body.revision, body.label, body.edits)
+        await workspace.change(body.revision, lambda store: store.edit(body.label, body.edits))
         return await answer()
 
     @api.post("/api/undo", responses=answer_of(answers.WorkspaceAnswer))
     async def post_undo(body: RevisionBody) -> Response:
         """Undo the last step."""
-        await workspace.undo(body.revision)
+        await workspace.change(body.revision, SiteStore.undo)
         return await answer()
 
     @api.post("/api/redo", responses=answer_of(answers.WorkspaceAnswer))
     async def post_redo(body: RevisionBody) -> Response:
         """Do again what was undone last."""
-        await workspace.redo(body.revision)
+        await workspace.change(body.revision, SiteStore.redo)
         return await answer()
 
     @api.post("/api/open", responses=answer_of(answers.WorkspaceAnswer))
     async def post_open(body: OpenBody) -> Response:
         """Open a site; a network begins a new one, a plan opens the site beside it."""
-        if body.path == "default":
-            await workspace.open_default()
-        else:
-            await workspace.open_file(site_files.find_inside(workspace.root, body.path))
+        named = None if body.path == "default" else site_files.find_inside(workspace.root, body.path)
+        await workspace.open_file(named)
         return await answer()
 
     @api.post("/api/upload", responses=answer_of(answers.WorkspaceAnswer))
@@ -286,8 +269,7 @@ def _add_planning(api: FastAPI, workspace: Workspace) -> None:
     async def post_plan(body: PlanBody) -> Response:
         """Begin to plan; the stream says how far it is. A plan that is not one of several is chosen at once."""
         workspace.expect_revision(body.revision)
-        wish = PlanSettings(**body.model_dump(exclude={"revision"}))
-        return JSONResponse({"job": planning.start(workspace.now, wish).describe()})
+        return JSONResponse({"job": planning.start(workspace.now, body).describe()})
 
     @api.post("/api/cancel", responses=answer_of(answers.WorkspaceAnswer))
     async def post_cancel(body: JobBody) -> Response:
@@ -303,7 +285,7 @@ def _add_planning(api: FastAPI, workspace: Workspace) -> None:
     @api.post("/api/plans/{plan}/choose", responses=answer_of(answers.WorkspaceAnswer))
     async def post_choose(plan: str) -> Response:
         """Write a plan to the file beside the site that is flown."""
-        await planning.choose(plan)
+        await planning.choose(workspace.now, plan)
         return JsonBytes(json_text(workspace.describe()))
 
     @api.post("/api/plans/{plan}/loss", responses=answer_of(answers.LossAnswer))
@@ -317,11 +299,15 @@ def _add_planning(api: FastAPI, workspace: Workspace) -> None:
         return JsonBytes(json_text(await planning.change(workspace.now, plan, body.changes, keep=body.keep)))
 
 
-REPORT = {
-    "content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
+REPORT = (
+    "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'"
-}
-"""A report is one file, without scripts: its style stands in it."""
+)
+"""A report is one file: its style stands in it, and the script of its map. It is no page of this server, whose site it
+could change: to a browser it is of nobody's origin, and may fetch nothing."""
+SCRIPT = re.compile(rb"script-src '(sha256-[A-Za-z0-9+/]{43}=)'")
+HEAD = 4096
+"""Bytes in which a report names the script that it has."""
 
 
 def _add_flights(api: FastAPI, workspace: Workspace) -> None:
@@ -347,15 +333,18 @@ def _add_flights(api: FastAPI, workspace: Workspace) -> None:
 
     @api.get("/api/report")
     def get_report(run: Annotated[str, Query(max_length=200)]) -> Response:
-        """Return the report of a flight, as a page without scripts."""
+        """Return the report of a flight, as a page that can do nothing here."""
         page = RunDirectory(flights.find_run(workspace.root, run)).page
         if not page.is_file():
             raise HTTPException(404, "there is no report yet")
-        return Response(page.read_bytes(), 200, REPORT, "text/html; charset=utf-8")
+        content = page.read_bytes()
+        script = SCRIPT.search(content, 0, HEAD)
+        policy = REPORT if script is None else f"{REPORT}; script-src '{script[1].decode()}'"
+        return Response(content, 200, {"content-security-policy": policy}, "text/html; charset=utf-8")
 
     @api.post("/api/left", responses=answer_of(answers.JobAnswer))
     async def post_left(body: LeftBody) -> Response:
         """Begin to plan what a flight left over."""
         run = flights.find_run(workspace.root, body.run)
-        wish = PlanSettings(seconds=body.seconds, after=str(run))
-        return JSONResponse({"job": workspace.planning.start(workspace.now, wish).describe()})
+        job = workspace.planning.start(workspace.now, PlanSettings(seconds=body.seconds), run)
+        return JSONResponse({"job": job.describe()})

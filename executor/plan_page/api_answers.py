@@ -6,6 +6,9 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from missions import BreakingLoss
+from planner.sorties import LossWindow
+
 Place = tuple[float, float]
 """Latitude and longitude in degrees."""
 
@@ -50,14 +53,6 @@ class NetworkPart(Answer):
     segments: int
 
 
-class BreakingPart(Answer):
-    """The loss just before the window that has no re-plan."""
-
-    vehicle: str
-    from_s: float
-    to_s: float
-
-
 class PlanSummary(Answer):
     """A plan in a list."""
 
@@ -72,7 +67,8 @@ class PlanSummary(Answer):
     """Of each vehicle; of days all its sorties together."""
     window_pct: float | None
     window_from_s: float | None
-    breaking: BreakingPart | None
+    breaking: BreakingLoss | None
+    """The loss just before the window that has no re-plan."""
     uncovered: int
     """Segments that nobody flies."""
     cost: str
@@ -291,21 +287,13 @@ class LeftPart(Answer):
     why: str
 
 
-class LossWindowPart(Answer):
-    """From when on a vehicle of days may be lost for good."""
-
-    vehicle: str
-    from_s: float
-    breaks: int | None
-
-
 class PlanPart(Answer):
     """A plan in full."""
 
     summary: PlanSummary
     vehicles: list[VehiclePart]
     uncovered: list[LeftPart]
-    windows: list[LossWindowPart]
+    windows: list[LossWindow]
     lines: list[str]
     """What `faultline plan` prints of it."""
 

@@ -113,15 +113,12 @@ class PlanStore:
             raise SiteError(f"{self.file}: cannot be written: {error.strerror}") from error
         self.take_chosen()
 
-    def describe(self, facts: str) -> list[dict[str, Any]]:
-        """Return all plans as the page lists them, the newest first; `facts` are those of the site now."""
-        return [
-            {
-                "id": name, "file": self.file.name if name == self.chosen else None,
-                "stale": self.facts.get(name) != facts, **summary,
-            }
-            for name, summary in reversed(self.summaries.items())
-        ]  # fmt: skip
+    def describe(self, name: str, facts: str) -> dict[str, Any]:
+        """Return a plan as the page lists it; `facts` are those of the site now."""
+        return {
+            "id": name, "file": self.file.name if name == self.chosen else None,
+            "stale": self.facts.get(name) != facts, **self.summaries[name],
+        }  # fmt: skip
 
 
 def sum_up_facts(values: Mapping[str, Any], stamps: Sequence[object]) -> str:

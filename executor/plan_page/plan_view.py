@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import accumulate
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,11 @@ import numpy as np
 from executor.analysis.height_profile import build_profiles
 from executor.plan_page.site_view import to_place
 from executor.site import plan_summary, site_model
-from executor.site.day_plans import name_sortie_rounds
+from executor.site.day_plans import add_day_pads, name_sortie_rounds
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, FlightModel, FlightPath, FlightSetup, Phase, PlanFile, estimate
+from missions import DayPlanFile, FlightModel, FlightPath, FlightSetup, Pad, Phase, PlanFile, estimate
+from missions.flight_model import Estimate
+from missions.geo import FloatArray
 from missions.waypoints import legs_m
 from planner import is_reversed, segment_of
 
@@ -32,6 +33,11 @@ class Sortie:
     start_s: float = 0.0
     number: int = 0
     day: int = 1
+    base: str = ""
+    """Of days: where it takes off."""
+    lands: str = ""
+    planned: tuple[float, float] | None = None
+    """Seconds and energy that the plan has for it."""
 
 
 def summarise(plan: PlanFile | DayPlanFile) -> dict[str, Any]:
@@ -47,9 +53,7 @@ def summarise(plan: PlanFile | DayPlanFile) -> dict[str, Any]:
         "energy_pct": energy_pct,
         "window_pct": None if window is None else window.window_pct,
         "window_from_s": None if window is None else window.earliest_s,
-        "breaking": None if breaking is None else {
-            "vehicle": breaking.vehicle, "from_s": breaking.from_s, "to_s": breaking.to_s
-        },
+        "breaking": None if breaking is None else asdict(breaking),
         "uncovered": len(plan.uncovered) + len(plan.unreachable),
         "cost": plan.cost.name,
         "value": plan.cost.value,
@@ -67,15 +71,13 @@ def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, 
     """
     if isinstance(plan, DayPlanFile):
         lines = plan_summary.describe_day(plan)
-        rounds, windows = name_sortie_rounds(plan), [
-            {"vehicle": one.vehicle, "from_s": one.from_s, "breaks": one.breaks} for one in plan.windows
-        ]  # fmt: skip
+        rounds, windows = name_sortie_rounds(plan), [asdict(one) for one in plan.windows]
     else:
         lines = [*plan_summary.describe_routes(plan), *plan_summary.describe_window(plan)]
         rounds, windows = [plan.network_routes], []
     heights = plan_summary.compute_planned_heights(ground, rounds)
     return {
-        "vehicles": describe_vehicles(list_sorties(plan), plan, ground.setup),
+        "vehicles": describe_vehicles(list_sorties(plan), plan, ground),
         "uncovered": list_uncovered(plan),
         "windows": windows,
         "lines": [*lines, *plan_summary.describe_left_over(plan), *heights.lines],
@@ -84,8 +86,8 @@ def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, 
 
 def list_uncovered(plan: PlanFile | DayPlanFile) -> list[dict[str, Any]]:
     """Return what a plan does not inspect, and why."""
-    left = [{"segment": one.segment, "name": one.name, "why": one.why} for one in plan_summary.find_left_over(plan)]
-    return left + [{"segment": one.segment, "name": one.name, "why": one.why} for one in plan.unreachable]
+    left = (*plan_summary.find_left_over(plan), *plan.unreachable)
+    return [{"segment": one.segment, "name": one.name, "why": one.why} for one in left]
 
 
 def list_sorties(plan: PlanFile | DayPlanFile) -> list[Sortie]:
@@ -94,58 +96,91 @@ def list_sorties(plan: PlanFile | DayPlanFile) -> list[Sortie]:
     found = []
     for route in plan.routes:
         number = numbers[route.vehicle] = numbers.get(route.vehicle, -1) + 1
-        found.append(Sortie(route.vehicle, route.network_visits, route.start_s, number, route.day))
+        ends = (route.base, route.lands) if isinstance(plan, DayPlanFile) else ("", "")
+        planned = route.duration_s, route.energy_pct
+        found.append(Sortie(route.vehicle, route.network_visits, route.start_s, number, route.day, *ends, planned))
     return found
 
 
 def describe_vehicles(
-    sorties: Sequence[Sortie], plan: PlanFile | DayPlanFile, setup: FlightSetup
+    sorties: Sequence[Sortie], plan: PlanFile | DayPlanFile, ground: SiteModel
 ) -> list[dict[str, Any]]:
     """Return each vehicle's sorties with their ways through the air, and its first one from the side."""
     models = {} if plan.pricing is None else plan.pricing.models
-    paths = _build_all_paths(sorties, setup)
+    flights = _build_all_flights(sorties, ground)
     shown = []
     for vehicle in plan.vehicles:
         own = [one for one in sorties if one.vehicle == vehicle.name and one.visits]
         flown = [
-            _describe_sortie(one, paths[one], setup, models[vehicle.name], vehicle.consumption)
+            _describe_sortie(one, *flights[one], models[vehicle.name], vehicle.consumption)
             for one in own if vehicle.name in models
         ]  # fmt: skip
         shown.append({
             "name": vehicle.name, "budget_pct": vehicle.budget_pct, "routes": flown,
-            "profile": _describe_profile(setup, paths[own[0]]) if own else [],
+            "profile": _describe_profile(*flights[own[0]]) if own else [],
         })  # fmt: skip
     return shown
 
 
-def _build_all_paths(sorties: Sequence[Sortie], setup: FlightSetup) -> Mapping[Sortie, FlightPath]:
-    """Return the way of each sortie; those of the same number are flown side by side."""
-    paths = dict[Sortie, FlightPath]()
+def _build_all_flights(sorties: Sequence[Sortie], ground: SiteModel) -> Mapping[Sortie, tuple[FlightSetup, FlightPath]]:
+    """Return each sortie's way, and the pads that it is about; those of the same number are flown side by side."""
+    flights = dict[Sortie, tuple[FlightSetup, FlightPath]]()
     for number in sorted({one.number for one in sorties}):
         beside = [one for one in sorties if one.number == number and one.visits]
+        setup = _place_sorties(beside, ground)
         built = site_model.build_paths(setup, {one.vehicle: one.visits for one in beside})
-        paths |= {one: built[one.vehicle] for one in beside}
-    return paths
+        flights |= {one: (setup, built[one.vehicle]) for one in beside}
+    return flights
+
+
+def _place_sorties(beside: Sequence[Sortie], ground: SiteModel) -> FlightSetup:
+    """Return the heights and pads of sorties of several vehicles: each takes off and lands where it does."""
+    if not any(one.base for one in beside):
+        return ground.setup
+    setup = add_day_pads(ground.setup, ground.day_pads)
+
+    def find_pad(vehicle: str, base: str) -> Pad:
+        return ground.day_pads.get(vehicle, {}).get(base) or setup.pad_of(vehicle)
+
+    begins, ends = ({one.vehicle: find_pad(one.vehicle, base) for one in beside for base in [getattr(one, key)]}
+                    for key in ("base", "lands"))  # fmt: skip
+    return replace(setup, pads=tuple(begins.get(pad.vehicle, pad) for pad in setup.pads), landings=ends)
 
 
 def _describe_sortie(
-    sortie: Sortie, path: FlightPath, setup: FlightSetup, model: FlightModel, consumption: float
+    sortie: Sortie, setup: FlightSetup, path: FlightPath, model: FlightModel, consumption: float
 ) -> dict[str, Any]:
-    found = estimate(path, model, consumption=consumption)
+    figures = _fit_to_plan(estimate(path, model, consumption=consumption), path, sortie.planned)
     frame, pad = setup.frame, setup.pad_of(sortie.vehicle)
     home_up_m = frame.up_m(pad.alt_m)
-    ends_s = [sortie.start_s + one for one in accumulate(leg.duration_s for leg in found.legs)]
-    left_pct = [100.0 - one for one in accumulate(leg.energy_pct for leg in found.legs)]
+    ends_s, used_pct = np.cumsum(figures, axis=1).tolist()
+    ends_s = [sortie.start_s + one for one in ends_s]
     track = [[round(sortie.start_s, 1), *to_place(frame, (pad.east_m, pad.north_m)), round(home_up_m, 1), 100.0]]
     track += [
         [round(at_s, 1), round(point.lat_deg, 7), round(point.lon_deg, 7), round(home_up_m + point.alt_rel_m, 1),
-         round(pct, 2)]
-        for at_s, pct, point in zip(ends_s, left_pct, path.waypoints, strict=True)
+         round(100.0 - pct, 2)]
+        for at_s, pct, point in zip(ends_s, used_pct, path.waypoints, strict=True)
     ]  # fmt: skip
+    duration_s, energy_pct = sortie.planned or figures.sum(axis=1).tolist()
     return {
-        "sortie": sortie.number, "day": sortie.day, "start_s": sortie.start_s, "duration_s": found.duration_s,
-        "energy_pct": found.energy_pct, "visits": list(_describe_visits(sortie, path, ends_s)), "track": track,
+        "sortie": sortie.number, "day": sortie.day, "start_s": sortie.start_s, "duration_s": duration_s,
+        "energy_pct": energy_pct, "visits": list(_describe_visits(sortie, path, ends_s)), "track": track,
     }  # fmt: skip
+
+
+def _fit_to_plan(found: Estimate, path: FlightPath, planned: tuple[float, float] | None) -> FloatArray:
+    """Return (2, n) seconds and energies of a flight's legs that come to what the plan has for it.
+
+    A plan prices straight ways. Flown, they bend with the surface and take some seconds more: so the ways between
+    inspections are made to fit.
+    """
+    legs = np.array([(leg.duration_s, leg.energy_pct) for leg in found.legs]).reshape(-1, 2).T
+    if planned is None:
+        return legs
+    on_way = np.array([point.phase is not Phase.INSPECT for point in path.waypoints])
+    ways, others = legs[:, on_way].sum(axis=1), legs[:, ~on_way].sum(axis=1)
+    factors = np.maximum(0.0, np.array(planned) - others) / np.maximum(ways, 1e-9)
+    return np.asarray(np.where(on_way, factors[:, np.newaxis], 1.0) * legs)
 
 
 def _describe_visits(sortie: Sortie, path: FlightPath, ends_s: Sequence[float]) -> Iterator[dict[str, Any]]:

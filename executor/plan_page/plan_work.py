@@ -7,19 +7,34 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 import missions
 import planner
 from executor.errors import ExecutorError, SiteError
 from executor.flight.next_flight import read_segments_left
-from executor.plan_page.plan_view import Sortie, describe_plan, describe_vehicles, list_uncovered, summarise
+from executor.plan_page.plan_view import (
+    Sortie,
+    describe_plan,
+    describe_vehicles,
+    list_sorties,
+    list_uncovered,
+    summarise,
+)
 from executor.plan_page.worker import report_progress
 from executor.plan_page.worker_site import SiteKey, find_site_key, read_site_model
 from executor.site import site_model, site_planning
-from executor.site.day_plans import build_day_problem, build_first_sorties_plan, list_spares, solve_day
+from executor.site.day_plans import (
+    PricedDays,
+    build_day_problem,
+    build_first_sorties_plan,
+    list_spares,
+    preview_day_loss,
+    price_days,
+    solve_day,
+)
 from executor.site.plan_summary import compute_planned_heights
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import DEFAULT, PlanRequest, to_plan_window
@@ -35,19 +50,22 @@ MOST_FRONT = 12
 """Plans of a front that are kept."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlanSettings:
+class PlanSettings(BaseModel):
     """What is asked for."""
 
-    seconds: float = DEFAULT.seconds
-    cost: str | None = None
-    """Of a flight: a cost function, or `window`; without it as the command line chooses."""
-    seed: int = DEFAULT.seed
-    iterations: int | None = None
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)] = DEFAULT.seconds
+    """Time limit of the search."""
+    cost: Literal["minmax", "minsum", "mincomb", "window"] | None = None
+    """As `faultline plan --cost`; without it the window where there is one to search for."""
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = DEFAULT.seed
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    """After so many the search ends, within `seconds`: another computer then finds the same plan."""
     front: bool = False
+    """Several plans, between longest route, energy and window."""
     day: bool = False
-    after: str | None = None
-    """A run directory: what its flight left is planned."""
+    """Working days of many sorties."""
 
     def build_request(self) -> PlanRequest:
         """Return the same that the command line makes of these options."""
@@ -78,7 +96,9 @@ def load_planner() -> None:
     planner.replan(left.instance, warm=left.warm, stop=planner.Iterations(1))
 
 
-def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int) -> list[MadePlan]:
+def make_plans(
+    text: str, folder: Path, wish: PlanSettings, into: Path, job: int, after: Path | None = None
+) -> list[MadePlan]:
     """Plan a site, and write the plans.
 
     Args:
@@ -87,6 +107,7 @@ def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int
         wish: What is asked for.
         into: Where the plans go.
         job: Whose progress it is.
+        after: A run directory: what its flight left is planned.
 
     Raises:
         ExecutorError: the site cannot be planned for, nobody waits any more, or a plan cannot be written.
@@ -95,7 +116,7 @@ def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int
     """
     ground, told = read_site_model(text, folder), report_progress(job)
     wanted = wish.build_request()
-    left = None if wish.after is None else read_segments_left(Path(wish.after), ground)
+    left = None if after is None else read_segments_left(after, ground)
     if wish.day:
         return [keep_plan(_plan_day(ground, wanted, told, left), into)]
     if wish.front:
@@ -191,9 +212,12 @@ def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
 
 def prepare_answers(text: str, folder: Path, path: Path) -> None:
     """Price a plan, and the site for changes of it, before somebody asks what a loss or a change would mean."""
-    if isinstance(read_kept_plan(path), PlanFile):
-        _build_task(path)
-        _build_site_task(find_site_key(text, folder), path, frozenset())
+    plan = read_kept_plan(path)
+    if isinstance(plan, DayPlanFile):
+        preview_day_loss(plan, plan.names[0], 0.0, seed=1, priced=_price_days(path))
+        return
+    _build_task(path)
+    _build_site_task(find_site_key(text, folder), path, frozenset())
 
 
 def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> dict[str, Any]:
@@ -202,23 +226,28 @@ def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> 
     Raises:
         MissionsError: the plan cannot be used, or has no such vehicle.
         PlannerError: nobody is left.
-        ExecutorError: the site cannot be used, or the plan is of days.
+        ExecutorError: the site cannot be used.
     """
-    plan, ground = _read_flight(path), read_site_model(text, folder)
-    task = _build_task(path)
-    content, is_complete = site_planning.preview_loss(
-        plan, lost, at_s, cost=Cost.MINMAX, seconds=ANSWER_S, seed=1, settled=SETTLED, task=task
-    )
-    left = find_survivors(
-        task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again
-    )[1]  # fmt: skip
-    routes = list(_join_routes(plan, content, left))
-    was = set(plan.network_routes[lost])
-    taken = {segment_of(one) for visits in content.network_routes.values() for one in visits}
+    plan, ground = read_kept_plan(path), read_site_model(text, folder)
+    content: PlanFile | DayPlanFile
+    if isinstance(plan, DayPlanFile):
+        content, is_complete = preview_day_loss(plan, lost, at_s, seed=1, priced=_price_days(path))
+        routes = [one for one in list_sorties(content) if one.vehicle != lost]
+    else:
+        task = _build_task(path)
+        content, is_complete = site_planning.preview_loss(
+            plan, lost, at_s, cost=Cost.MINMAX, seconds=ANSWER_S, seed=1, settled=SETTLED, task=task
+        )
+        left = find_survivors(
+            task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again
+        )[1]  # fmt: skip
+        routes = list(_join_routes(plan, content, left))
+    was = {visit.segment for one in plan.routes if one.vehicle == lost for visit in one.visits}
+    taken = {visit.segment for one in content.routes if one.vehicle != lost for visit in one.visits}
     return {
-        "routes": describe_vehicles(routes, plan, ground.setup),
+        "routes": describe_vehicles(routes, plan, ground),
         "uncovered": list_uncovered(content),
-        "recovered": len(taken & {segment_of(one) for one in was}),
+        "recovered": len(taken & was),
         "complete": is_complete,
     }
 
@@ -252,6 +281,11 @@ def _read_flight(path: Path) -> PlanFile:
 @lru_cache(maxsize=4)
 def _build_task(path: Path) -> missions.Task:
     return _read_flight(path).build_task()
+
+
+@lru_cache(maxsize=2)
+def _price_days(path: Path) -> PricedDays:
+    return price_days(missions.read_day_plan(path))
 
 
 @dataclass(frozen=True, slots=True)

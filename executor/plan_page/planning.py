@@ -44,6 +44,8 @@ class SiteNow:
     folder: Path
     facts: str
     """Changes when something does that a plan depends on."""
+    plans: PlanStore
+    """Its plans."""
 
 
 class Superseded(ExecutorError):
@@ -117,20 +119,20 @@ class Planning:
 
     async def warm_up(self) -> None:
         """Load what plans and answers need, in both processes."""
+        await self.answers.run(abs, 0)  # a site that is read already goes first, with all processors
         await asyncio.gather(self.planner.run(load_planner), self.answers.run(load_planner))
         self.warm = True
         self._changed()
 
-    def open(self, site: Path) -> None:
-        """Begin with the plans of a site."""
+    def open(self, site: Path) -> PlanStore:
+        """Return the plans of a site; those of another one are no longer shown."""
         if self.store is None or self.store.site != site:
             self.store = PlanStore(site)
+        return self.store
 
     async def refresh(self, now: SiteNow) -> None:
         """Find the plans there are, and whether the chosen one is as the site has it now."""
-        store = self.store
-        if store is None:
-            return
+        store = now.plans
         kept = await asyncio.to_thread(store.list_new)
         if kept:
             store.summaries = {**await self.answers.run(summarise_plans, kept), **store.summaries}
@@ -143,8 +145,8 @@ class Planning:
 
     async def prepare(self, now: SiteNow) -> None:
         """Prepare answers about the chosen plan before somebody asks for them."""
-        store = self.store
-        if store is None or store.chosen not in store.summaries or self._prepared == (store.chosen, now.facts):
+        store = now.plans
+        if store.chosen not in store.summaries or self._prepared == (store.chosen, now.facts):
             return
         self._prepared = (store.chosen, now.facts)
         await self.answers.run(prepare_answers, now.text, now.folder, store.path_of(store.chosen))
@@ -157,21 +159,18 @@ class Planning:
             store.summaries |= await self.answers.run(summarise_plans, [path])
             self._changed()
 
-    def start(self, now: SiteNow, wish: PlanSettings) -> Job:
-        """Begin to plan.
+    def start(self, now: SiteNow, wish: PlanSettings, after: Path | None = None) -> Job:
+        """Begin to plan; with `after`, a run directory, what its flight left.
 
         Raises:
             SiteError: something is planned already.
         """
-        store = self.store
-        if store is None:
-            raise SiteError("expected a site; none is open")
         if self.job is not None and self.job.state == "running":
             raise SiteError("expected nothing to be planned already; cancel it first")
         self._number += 1
-        kind = "left" if wish.after is not None else "day" if wish.day else "front" if wish.front else "plan"
+        kind = "left" if after is not None else "day" if wish.day else "front" if wish.front else "plan"
         self.job = Job(self._number, kind, wish.seconds)
-        self._task = asyncio.create_task(self._run(self.job, now, wish, store), name="planning")
+        self._task = asyncio.create_task(self._run(self.job, now, wish, after), name="planning")
         self._changed()
         return self.job
 
@@ -199,10 +198,8 @@ class Planning:
             ExecutorError: there is no such plan, or the site cannot be used.
             MissionsError: the plan is another site's.
         """
-        store = self._expect_store()
-        shown = await self.answers.run(show_plan, now.text, now.folder, store.path_of(name))
-        [summary] = [one for one in store.describe(now.facts) if one["id"] == name]
-        return {"summary": summary, **shown}
+        shown = await self.answers.run(show_plan, now.text, now.folder, now.plans.path_of(name))
+        return {"summary": now.plans.describe(name, now.facts), **shown}
 
     async def preview_loss(self, now: SiteNow, name: str, vehicle: str, at_s: float) -> dict[str, Any]:
         """Return what the others would fly if a vehicle were lost.
@@ -213,7 +210,7 @@ class Planning:
             MissionsError: the plan has no such vehicle.
             PlannerError: nobody is left.
         """
-        path = self._expect_store().path_of(name)
+        path = now.plans.path_of(name)
         self._asked += 1
         mine, began_s = self._asked, time.monotonic()
         async with self._answering:
@@ -229,7 +226,7 @@ class Planning:
             ExecutorError: there is no such plan, or a change is of something that is not there.
             MissionsError: the plan is another site's.
         """
-        store = self._expect_store()
+        store = now.plans
         path = store.path_of(name)
         found = await self.answers.run(edit_plan_by_hand, now.text, now.folder, path, changes, store.folder)
         made = found.pop("made")
@@ -237,26 +234,16 @@ class Planning:
         if keep:
             await asyncio.to_thread(store.choose, made.id)
         self._changed()
-        [summary] = [one for one in store.describe(now.facts) if one["id"] == made.id]
-        return {**found, "plan": {"summary": summary, **found["plan"]}}
+        return {**found, "plan": {"summary": store.describe(made.id, now.facts), **found["plan"]}}
 
-    async def choose(self, name: str) -> None:
+    async def choose(self, now: SiteNow, name: str) -> None:
         """Make a plan the one that is flown.
 
         Raises:
             SiteError: there is none of this name, or its file cannot be written.
         """
-        await asyncio.to_thread(self._expect_store().choose, name)
+        await asyncio.to_thread(now.plans.choose, name)
         self._changed()
-
-    @property
-    def chosen_file(self) -> Path:
-        """The file of the chosen plan.
-
-        Raises:
-            SiteError: no site is open.
-        """
-        return self._expect_store().file
 
     def kill(self) -> None:
         """End the processes at once."""
@@ -271,15 +258,16 @@ class Planning:
         """Return the plans and the job as the page gets them."""
         store = self.store
         return {
-            "plans": [] if store is None else store.describe(facts),
+            "plans": [] if store is None else [store.describe(name, facts) for name in reversed(store.summaries)],
             "chosen": None if store is None else store.chosen,
             "job": None if self.job is None else self.job.describe(),
             "warm": self.warm,
         }
 
-    async def _run(self, job: Job, now: SiteNow, wish: PlanSettings, store: PlanStore) -> None:
+    async def _run(self, job: Job, now: SiteNow, wish: PlanSettings, after: Path | None) -> None:
+        store = now.plans
         try:
-            made = await self.planner.run(make_plans, now.text, now.folder, wish, store.folder, job.number)
+            made = await self.planner.run(make_plans, now.text, now.folder, wish, store.folder, job.number, after)
             store.add(made, now.facts)
             job.plans = [one.id for one in made]
             if not wish.front:
@@ -297,8 +285,3 @@ class Planning:
             self._changed()
         with suppress(*OURS):  # what is asked next says what is wrong
             await self.prepare(now)
-
-    def _expect_store(self) -> PlanStore:
-        if self.store is None:
-            raise SiteError("expected a site; none is open")
-        return self.store

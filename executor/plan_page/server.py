@@ -65,7 +65,7 @@ class PlanServer(PageServer):
         """Return the application, with a workspace of its own: a loop that begins anew goes on with the site."""
         if self._workspace is not None:
             self._store = self._workspace.store
-            self._workspace.kill_workers()
+            self._workspace.planning.kill()
         workspace = self._workspace = Workspace(self._root, self._store)
         workspace.tabs = lambda: len(self._newest.streams)
         api = build_api(workspace)

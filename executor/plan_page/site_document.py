@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -21,7 +21,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Item
 
 from executor.errors import SiteError
-from missions import NESTED
+from executor.site.site_file import parse_toml
 
 Path: TypeAlias = tuple[str | int, ...]
 """Keys, and numbers in lists, from the whole file down."""
@@ -75,20 +75,6 @@ def format_path(path: Sequence[str | int]) -> str:
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".") or "content"
 
 
-def read_values(text: str) -> dict[str, Any]:
-    """Return what a site file says.
-
-    Raises:
-        SiteError: it is not TOML.
-    """
-    try:
-        return tomllib.loads(text)
-    except ValueError as error:  # beside TOMLDecodeError: whole numbers of thousands of digits
-        raise SiteError(f"not TOML: {error}") from error
-    except RecursionError:
-        raise SiteError(f"not TOML: {NESTED}") from None
-
-
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
     """Return a site file after some edits.
 
@@ -96,14 +82,16 @@ def apply_edits(text: str, edits: Iterable[Edit]) -> str:
         SiteError: it is not TOML.
         EditRefused: an edit cannot be done; then none is.
     """
-    values = read_values(text)
+    values = parse_toml(text)
     for edit in edits:
-        wanted = _edit_values(values, edit)
+        _check_edit(edit)
+        wanted = copy.deepcopy(values)
+        _edit_values(wanted, edit.path, edit)
         if edit.op == "unset" and wanted == values:
             continue
         try:
             text = _edit_text(text, edit)
-            values = read_values(text)
+            values = parse_toml(text)
         except (TOMLKitError, SiteError, ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
             raise EditRefused(edit.path, f"cannot be written to this file: {error}") from error
         if values != wanted and (edit.op in {"set", "add"} or _prune(values) != _prune(wanted)):
@@ -111,37 +99,36 @@ def apply_edits(text: str, edits: Iterable[Edit]) -> str:
     return text
 
 
-def _edit_values(values: dict[str, Any], edit: Edit) -> dict[str, Any]:
-    """Return the values after an edit: what its text must say."""
-    *way, last = _check_edit(edit)
-    made = copy.deepcopy(values)
-    at: Any = made
+def _edit_values(
+    values: dict[str, Any], path: Path, edit: Edit, make: Callable[[Any], Any] = lambda value: value
+) -> None:
+    """Do an edit at a path: to plain values, or to tomlkit's, for which `make` makes what is put in."""
+    *way, last = path
+    at: Any = values
     for number, part in enumerate(way):
         if isinstance(at, dict) and isinstance(part, str) and part not in at and edit.op in {"set", "add"}:
-            at[part] = {}
-        at = _step_down(at, part, edit.path[: number + 1])
+            at[part] = make({})
+        at = _step_down(at, part, path[: number + 1])
     if edit.op in {"set", "unset"}:
-        _set_value(at, last, edit)
-        return made
-    if edit.op == "add":
-        if isinstance(at, dict) and isinstance(last, str):
-            at.setdefault(last, [])
-        values_there = _step_down(at, last, edit.path)
+        _set_value(at, last, edit, make)
+    elif edit.op == "add":
+        if isinstance(at, dict) and isinstance(last, str) and last not in at:
+            at[last] = make([])
+        values_there = _step_down(at, last, path)
         if not isinstance(values_there, list):
-            raise EditRefused(edit.path, "expected a list")
+            raise EditRefused(path, "expected a list")
         _check_kind(values_there, edit)
-        values_there.insert(len(values_there) if edit.at is None else edit.at, edit.value)
-        return made
-    if not isinstance(at, list):
-        raise EditRefused(edit.path, "expected the number of a value in a list")
-    _step_down(at, last, edit.path)
-    del at[int(last)]
-    if not at:  # TOML has no empty array of tables, and a key without a value stands for its default
-        _drop(made, tuple(way))
-    return made
+        values_there.insert(len(values_there) if edit.at is None else edit.at, make(edit.value))
+    elif not isinstance(at, list):
+        raise EditRefused(path, "expected the number of a value in a list")
+    else:
+        _step_down(at, last, path)
+        del at[int(last)]
+        if not at:  # TOML has no empty array of tables, and a key without a value stands for its default
+            _drop(values, tuple(way))
 
 
-def _check_edit(edit: Edit) -> Path:
+def _check_edit(edit: Edit) -> None:
     if not 0 < len(edit.path) <= DEEPEST:
         raise EditRefused(edit.path[:DEEPEST], f"expected a path of 1 to {DEEPEST} keys")
     for one in (*_list_plain(edit.value), *edit.path) if edit.op in {"set", "add"} else ():
@@ -149,7 +136,6 @@ def _check_edit(edit: Edit) -> Path:
             raise EditRefused(edit.path, f"expected a value that TOML has, got {one}")
         if isinstance(one, str) and any("\ud800" <= letter <= "\udfff" for letter in one):
             raise EditRefused(edit.path, "expected a text of whole letters")
-    return edit.path
 
 
 def _list_plain(value: object) -> Iterator[object]:
@@ -172,18 +158,25 @@ def _step_down(at: Any, part: str | int, path: Path) -> Any:  # noqa: ANN401 - w
     raise EditRefused(path, "there is no such key or value in the file")
 
 
-def _set_value(at: Any, last: str | int, edit: Edit) -> None:  # noqa: ANN401 - whatever a file says
+def _set_value(at: Any, last: str | int, edit: Edit, make: Callable[[Any], Any]) -> None:  # noqa: ANN401 - as above
     if isinstance(at, dict) and isinstance(last, str):
-        if edit.op == "set":
-            at[last] = edit.value
-        else:
+        if edit.op == "unset":
             at.pop(last, None)
+            return
     elif edit.op == "set" and isinstance(last, int):
         _step_down(at, last, edit.path)
         _check_kind(at, edit)
-        at[last] = edit.value
     else:
         raise EditRefused(edit.path, "expected a key of a table")
+    before = at.get(last) if isinstance(at, dict) else None
+    at[last] = make(edit.value)
+    now = at[last]
+    if isinstance(before, Item) and isinstance(now, Item) and before.trivia.comment:
+        # The comment behind it stays where it was, if there is room.
+        longer = len(now.as_string()) - len(before.as_string())
+        space = before.trivia.comment_ws
+        now.trivia.comment_ws = " " * max(1, len(space) - longer) if set(space) == {" "} else space
+        now.trivia.comment = before.trivia.comment
 
 
 def _prune(value: Any) -> Any:  # noqa: ANN401 - whatever a file says
@@ -328,15 +321,17 @@ def _make_blocks(path: Path, value: Any) -> list[_Block]:  # noqa: ANN401 - what
         return [block for number, one in enumerate(value) for block in _make_blocks((*path, number), one)]
     keys = ".".join(tomlkit.key(part).as_string() for part in path if isinstance(part, str))
     header = f"[[{keys}]]\n" if isinstance(path[-1], int) else f"[{keys}]\n"
-    rows = (f"{tomlkit.key(key).as_string()} = {_write_value(one)}\n" for key, one in value.items())
-    return [_Block(path, header, "".join(rows))]
+    return [_Block(path, header, "".join(f"{row}\n" for row in _write_rows(value)))]
+
+
+def _write_rows(value: Mapping[str, object]) -> Iterator[str]:
+    return (f"{tomlkit.key(key).as_string()} = {_write_value(one)}" for key, one in value.items())
 
 
 def _write_value(value: object) -> str:
     """Return a value on one line."""
     if isinstance(value, Mapping):
-        rows = (f"{tomlkit.key(key).as_string()} = {_write_value(one)}" for key, one in value.items())
-        return "{" + ", ".join(rows) + "}"
+        return "{" + ", ".join(_write_rows(value)) + "}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_write_value, value))}]"
     return tomlkit.item(value).as_string()
@@ -374,42 +369,12 @@ def _edit_block(blocks: list[_Block], edit: Edit, newline: str) -> list[_Block]:
         table = next(at for at in range(len(edit.path) - 1, 0, -1) if isinstance(edit.path[at], str))
         made = _make_blocks(edit.path[:table], {edit.path[table]: value})
         return _insert_blocks(blocks, _find_end(blocks, owner.path) if owner.path else len(blocks), made, newline)
-    body = _edit_keys(owner.body, rest, edit)
-    return [*blocks[:number], replace(owner, body=body), *blocks[number + 1 :]]
-
-
-def _edit_keys(body: str, rest: Path, edit: Edit) -> str:
-    document = tomlkit.parse(body)
-    *way, last = rest
-    at: Any = document
-    for part in way:
-        if edit.op in {"set", "add"} and isinstance(part, str) and part not in at:
-            at[part] = tomlkit.inline_table() if at is not document else tomlkit.table()
-        at = at[part]
-    if edit.op == "set":
-        _put_value(at, last, edit.value)
-    elif edit.op == "add":
-        values_there = at.setdefault(last, tomlkit.array()) if isinstance(last, str) else at[last]
-        values_there.insert(len(values_there) if edit.at is None else edit.at, _make_item(edit.value))
-    else:
-        del at[last]
-        if edit.op == "remove" and not at:
-            _drop(document, tuple(way))
-    made = tomlkit.dumps(document)
+    document = tomlkit.parse(owner.body)
+    _edit_values(document, rest, edit, _make_item)
+    body = tomlkit.dumps(document)
     # What follows a block begins on a line of its own.
-    return made if not made or made.endswith("\n") else made + "\n"
-
-
-def _put_value(at: Any, last: str | int, value: object) -> None:  # noqa: ANN401 - tomlkit's containers
-    """Set a value; the comment behind it stays where it was, if there is room."""
-    before = at[last] if not isinstance(last, str) or last in at else None
-    at[last] = _make_item(value)
-    now = at[last]
-    if isinstance(before, Item) and isinstance(now, Item) and before.trivia.comment and isinstance(last, str):
-        longer = len(now.as_string()) - len(before.as_string())
-        space = before.trivia.comment_ws
-        now.trivia.comment_ws = " " * max(1, len(space) - longer) if set(space) == {" "} else space
-        now.trivia.comment = before.trivia.comment
+    body += "" if not body or body.endswith("\n") else "\n"
+    return [*blocks[:number], replace(owner, body=body), *blocks[number + 1 :]]
 
 
 def _make_item(value: object) -> Item:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path, PurePath
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import missions
 from executor.errors import SiteError
 from executor.plan_page.site_store import WORK_FOLDER
+from executor.plan_page.site_view import import_network_once
 from executor.site.new_site import render_site_template
+from executor.site.site_keys import NetworkTable
 from executor.site.site_model import DEFAULT_NETWORK
-from missions.files import write_whole
+from missions.files import stamp_file, write_whole
 
 MOST_UPLOAD = 100_000_000
 """Bytes of a file."""
@@ -25,6 +26,8 @@ NETWORKS = frozenset((
 """What a network's file may end in, where a folder is listed; what is opened by its name may end in anything."""
 HEAD = 4096
 VEHICLES = 3
+DRAFT = ".faultline-part"
+"""What the name of a file ends in that is still being received; it begins with a dot."""
 FileKind = Literal["site", "network", "plan"]
 
 
@@ -93,9 +96,11 @@ async def receive_file(folder: Path, name: str, content: AsyncIterator[bytes]) -
         SiteError: it is too long, or cannot be written.
     """
     path = find_free_name(folder / check_upload_name(name))
-    draft, length = path.with_name(path.name + ".part"), 0
+    draft, length = _draft_of(path), 0
     try:
         with draft.open("xb") as file:
+            with suppress(ImportError):  # a system without locks
+                _hold(file)
             async for chunk in content:
                 length += len(chunk)
                 if length > MOST_UPLOAD:
@@ -109,10 +114,34 @@ async def receive_file(folder: Path, name: str, content: AsyncIterator[bytes]) -
     return path
 
 
+def remove_drafts(folder: Path) -> None:
+    """Remove what a server that was killed had not received whole; what another one is receiving stays."""
+    for draft in folder.glob(f".*{DRAFT}"):
+        with suppress(OSError, ImportError), draft.open("rb") as file:
+            _hold(file)
+            draft.unlink()
+
+
+def _draft_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}{DRAFT}")
+
+
+def _hold(file: BinaryIO) -> None:
+    """Lock an open file for this process; the lock ends with it.
+
+    Raises:
+        BlockingIOError: another process holds it.
+        ImportError: the system has no such locks.
+    """
+    import fcntl
+
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
 def find_free_name(path: Path) -> Path:
     """Return a name that no file has: the wished one, or one with a number."""
     number, free = 1, path
-    while free.exists() or free.with_name(free.name + ".part").exists():
+    while free.exists() or _draft_of(free).exists():
         number += 1
         free = path.with_name(f"{path.stem}-{number}{path.suffix}")
     return free
@@ -125,8 +154,8 @@ def make_site(folder: Path, network: Path | None) -> Path:
         NetworkError: the network cannot be used.
         SiteError: the site cannot be written.
     """
-    known = missions.import_network(network or missions.default_network_path(), anywhere=True)
     file = DEFAULT_NETWORK if network is None else Path(os.path.relpath(network, folder)).as_posix()
+    known = import_network_once(NetworkTable(file=file), None, folder)
     text = render_site_template(
         VEHICLES, missions.AUTOPILOTS[0].name, file=file, has_heights=known.network.has_heights, depot=None,
         has_depot=known.has_depot, radius_m=None, choice={},
@@ -161,10 +190,5 @@ def stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
         for one in tables if isinstance(tables, list) else [tables]:
             files = one.get(key) if isinstance(one, dict) else None
             named += files if isinstance(files, list) else [files]
-    stamps: list[object] = []
-    for file in named:
-        with suppress(OSError, ValueError):
-            if isinstance(file, str):
-                stat = (folder / file).stat()
-                stamps += [file, stat.st_mtime_ns, stat.st_size]
-    return stamps
+    known = [one for one in named if isinstance(one, str)]
+    return [part for one in known if (stamp := stamp_file(folder / one)) is not None for part in (one, *stamp)]

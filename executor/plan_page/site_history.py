@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from executor.plan_page.site_document import Edit, apply_edits
 
@@ -87,38 +87,37 @@ class History:
         return History(base, steps[over:], len(steps) - over)
 
 
+Done = Literal["base", "edit", "overwrite", "undo", "redo", "saved"]
+
+
 class RecordLine(BaseModel):
     """One line of the record."""
 
     model_config = ConfigDict(extra="ignore")
 
-    does: Literal["base", "edit", "overwrite", "undo", "redo", "saved"]
+    does: Done
     """`saved`: the site file says what the record says."""
     label: str = ""
     text: str = ""
     edits: tuple[Edit, ...] = ()
 
 
-_LINE = TypeAdapter(Annotated[RecordLine, Field()])
-
-
-def write_line(does: str, label: str = "", text: str = "", edits: Sequence[Edit] = ()) -> bytes:
+def write_line(does: Done, label: str = "", text: str = "", edits: Sequence[Edit] = ()) -> bytes:
     """Return a line of the record."""
-    said: dict[str, Any] = {"does": does, "label": label, "text": text, "edits": edits}
-    line = RecordLine.model_validate({key: one for key, one in said.items() if one})
+    line = RecordLine(does=does, label=label, text=text, edits=tuple(edits))
     return line.model_dump_json(exclude_defaults=True).encode() + b"\n"
 
 
 def write_lines(history: History) -> bytes:
     """Return a whole record."""
-    lines = [write_line("base", text=history.base)]
-    for step in history.steps:
-        if step.edits is None:
-            lines.append(write_line("overwrite", step.label, step.text))
-        else:
-            lines.append(write_line("edit", step.label, edits=step.edits))
-    lines += [write_line("undo")] * (len(history.steps) - history.done)
-    return b"".join(lines)
+    steps = (
+        write_line("overwrite", one.label, one.text)
+        if one.edits is None
+        else write_line("edit", one.label, "", one.edits)
+        for one in history.steps
+    )
+    undone = [write_line("undo")] * (len(history.steps) - history.done)
+    return b"".join((write_line("base", text=history.base), *steps, *undone))
 
 
 def read_lines(record: bytes) -> tuple[History, bool] | None:
@@ -129,7 +128,7 @@ def read_lines(record: bytes) -> tuple[History, bool] | None:
     history, saved = None, True
     for line in record.split(b"\n")[:-1]:
         try:
-            said = _LINE.validate_json(line)
+            said = RecordLine.model_validate_json(line)
         except ValidationError:
             break
         if history is None:

@@ -10,8 +10,8 @@ from typing import Any, TypedDict, cast
 from pydantic import ValidationError
 
 from executor.errors import ExecutorError, SiteError
-from executor.plan_page.site_document import format_path, read_values
-from executor.site.site_file import PAGE, Site
+from executor.plan_page.site_document import format_path
+from executor.site.site_file import PAGE, Site, parse_toml
 from executor.site.site_schema import build_site_schema
 from missions import NESTED, MissionsError
 from missions.errors import AreaError, BackgroundError, ElevationError, NetworkError
@@ -35,7 +35,7 @@ _ABOUT: Mapping[type[Exception], list[str | int]] = {
 def check_text(text: str) -> tuple[dict[str, Any], Site | None, list[SiteProblem]]:
     """Return what a site file says, the site if it can be used, and what is wrong with it."""
     try:
-        values = read_values(text)
+        values = parse_toml(text)
         return values, Site.model_validate(values), []
     except SiteError as error:
         return {}, None, [SiteProblem(path=None, message=str(error))]

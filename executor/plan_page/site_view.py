@@ -25,7 +25,7 @@ from executor.site.site_file import Site
 from executor.site.site_keys import DepotTable, NetworkTable
 from executor.site.site_model import SiteModel
 from missions import LocalFrame, MissionsError
-from missions.files import json_text
+from missions.files import json_text, stamp_file
 from missions.geo import FloatArray
 from missions.no_fly_areas import Area
 
@@ -62,10 +62,9 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
     values, site, problems = check_text(text)
     ground: SiteModel | None = None
     understood, found = _import_network(values, folder)
-    if site is not None:
+    if site is not None and understood is not None:
         try:
-            read = understood if understood is not None and understood.has_depot else None
-            ground = site_model.load_site_model(site, folder, understood=read)
+            ground = site_model.load_site_model(site, folder, understood=understood)
         except (MissionsError, ExecutorError) as error:
             found = [describe_error(error, values)]
     problems = [*problems, *found]
@@ -93,10 +92,9 @@ _backgrounds: dict[bytes, Mapping[str, bytes]] = {}
 def _encode_background_once(ground: SiteModel, folder: Path) -> Mapping[str, bytes]:
     stated = ground.site.map
     file = None if stated is None or stated.background is None else folder / stated.background
-    stat = file.stat() if file is not None and file.is_file() else None
     heights = None if ground.terrain is None else ground.terrain.elevation.digest
     pads = [(pad.east_m, pad.north_m) for pad in ground.setup.pads]
-    told = repr((stated, file, stat and (stat.st_mtime_ns, stat.st_size), heights, pads, ground.network.frame))
+    told = repr((stated, file, file and stamp_file(file), heights, pads, ground.network.frame))
     key = sha256(told.encode() + ground.network.positions_m.tobytes()).digest()
     if key not in _backgrounds:
         made = encode_ground(view_for(ground, folder), ground.network.frame)
@@ -113,20 +111,25 @@ def _import_network(values: Mapping[str, Any], folder: Path) -> tuple[missions.N
     except ValidationError:
         return None, []  # said of the whole site
     try:
-        file = folder / table.file
-        stat = file.stat() if file.is_file() else None
-        stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
-        understood = _import_once(table, depot, folder, stamp)
+        return import_network_once(table, depot, folder), []
     except MissionsError as error:
         return None, [describe_error(error, values)]
-    return understood, []
+
+
+def import_network_once(table: NetworkTable, depot: DepotTable | None, folder: Path) -> missions.NetworkImport:
+    """Return a site's network, whether its depot is known or not; read again only when it is another one.
+
+    Raises:
+        NetworkError: it cannot be used.
+    """
+    read = table.model_copy(update={"only": (), "leave_out": (), "tallest_m": None, "pylon_height_m": None})
+    return _import_once(read, depot, folder, stamp_file(folder / table.file))
 
 
 @lru_cache(maxsize=2)
 def _import_once(
     table: NetworkTable, depot: DepotTable | None, folder: Path, _: tuple[int, int] | None
 ) -> missions.NetworkImport:
-    """Read a network once for as long as its file is the same: one of thousands of spans takes seconds."""
     return site_model.import_site_network(table, depot, folder, anywhere=True)
 
 

@@ -17,7 +17,6 @@ from executor.errors import ExecutorError, SiteError
 from executor.plan_page import site_files
 from executor.plan_page.plan_store import sum_up_facts
 from executor.plan_page.planning import OURS, Planning, SiteNow
-from executor.plan_page.site_document import Edit
 from executor.plan_page.site_problems import SiteProblem, check_text
 from executor.plan_page.site_store import SiteStore
 from executor.plan_page.site_view import SiteView
@@ -49,6 +48,8 @@ class Workspace:
         """Of which revision `view` is."""
         self.news = asyncio.Event()
         """Set when there is something new for the stream."""
+        for folder in {self.root, self.folder}:
+            site_files.remove_drafts(folder)
         self.planning = Planning(self.news.set)
         self.tabs: Callable[[], int] = lambda: 0
         self._values: Mapping[str, Any] = {}
@@ -106,9 +107,8 @@ class Workspace:
         Raises:
             SiteError: none is open.
         """
-        if self.store is None:
-            raise SiteError("expected a site; none is open")
-        return SiteNow(self.store.history.text, self.store.path.parent, self._facts)
+        store = self._expect_store()
+        return SiteNow(store.history.text, store.path.parent, self._facts, self.planning.open(store.path))
 
     def expect_revision(self, revision: int) -> None:
         """Go on only with what the page has seen.
@@ -125,34 +125,31 @@ class Workspace:
             return path.resolve().relative_to(self.root.resolve()).as_posix()
         return str(path)
 
-    @property
-    def folder(self) -> Path:
-        """Where the site file is, or would be."""
-        return self.root if self.store is None else self.store.path.parent
-
     # What is done
 
-    async def open_file(self, path: Path) -> None:
-        """Open a site; for a network make one, for a plan open the one beside it.
+    async def open_file(self, path: Path | None) -> None:
+        """Open a site; for a network make one, None for the network that comes along; for a plan open that beside it.
 
         Raises:
             ExecutorError: it cannot be opened; what was open before stays so.
             MissionsError: a network that cannot be used.
         """
-        kind = await asyncio.to_thread(site_files.find_kind, path)
-        if kind == "network":
-            path = await self.planning.answers.run(site_files.make_site, path.parent, path)
+        kind = "network" if path is None else await asyncio.to_thread(site_files.find_kind, path)
+        if path is None or kind == "network":
+            folder = self.root if path is None else path.parent
+            path = await self.planning.answers.run(site_files.make_site, folder, path)
         elif kind == "plan":
             path = site_files.find_site_of_plan(path)
-        await self._open_site(path.absolute())
-
-    async def open_default(self) -> None:
-        """Begin a site over the network that comes with faultline.
-
-        Raises:
-            ExecutorError: its file cannot be written.
-        """
-        await self._open_site(await self.planning.answers.run(site_files.make_site, self.root, None))
+        path = path.absolute()
+        async with self._lock:
+            before = self.store
+            if before is not None and before.path == path:
+                return
+            store = await asyncio.to_thread(SiteStore(path).__enter__)
+            self.store, self.view = store, NOTHING
+            if before is not None:
+                await asyncio.to_thread(before.__exit__, None, None, None)
+            self._take_change()
 
     async def upload(self, name: str, content: AsyncIterator[bytes], *, as_network: bool) -> str:
         """Keep a file; a network's begins a site. Returns its name from the site's folder.
@@ -161,7 +158,8 @@ class Workspace:
             ExecutorError: it cannot be kept.
             MissionsError: a network that cannot be used; it is not kept.
         """
-        path = await site_files.receive_file(self.folder, name, content)
+        folder = self.root if self.store is None else self.store.path.parent
+        path = await site_files.receive_file(folder, name, content)
         if as_network:
             try:
                 await self.open_file(path)
@@ -170,30 +168,19 @@ class Workspace:
                 raise
         return path.name
 
-    async def edit(self, revision: int, label: str, edits: Sequence[Edit]) -> None:
-        """Do some edits as one step.
+    async def change(self, revision: int, work: Callable[[SiteStore], None]) -> None:
+        """Change the site file, in a thread.
 
         Raises:
             StaleRevision: the site is another one.
-            SiteError: an edit cannot be done.
+            SiteError: none is open, or this cannot be done.
         """
-        await self._change(revision, lambda store: store.edit(label, edits))
-
-    async def undo(self, revision: int) -> None:
-        """Undo the last step.
-
-        Raises:
-            StaleRevision: the site is another one.
-        """
-        await self._change(revision, SiteStore.undo)
-
-    async def redo(self, revision: int) -> None:
-        """Do again what was undone last.
-
-        Raises:
-            StaleRevision: the site is another one.
-        """
-        await self._change(revision, SiteStore.redo)
+        async with self._lock:
+            store = self._expect_store()
+            await self._look()
+            self.expect_revision(revision)
+            await asyncio.to_thread(work, store)
+            self._take_change()
 
     async def choose_for_flight(self, plan: str) -> tuple[Path, Path]:
         """Make a plan the chosen one; returns the files of the site and of it, which are what the page shows.
@@ -201,11 +188,11 @@ class Workspace:
         Raises:
             SiteError: the site is not on disk, or there is no such plan.
         """
-        store = self.store
-        if store is None or not store.saved:
+        now, store = self.now, self._expect_store()
+        if not store.saved:
             raise SiteError("expected a site that is saved before it is flown")
-        await self.planning.choose(plan)
-        return store.path, self.planning.chosen_file
+        await self.planning.choose(now, plan)
+        return store.path, now.plans.file
 
     async def wait_until_checked(self, within_s: float = SOON_S) -> None:
         """Wait until the present site is understood, but not for long."""
@@ -251,30 +238,10 @@ class Workspace:
                 await asyncio.to_thread(self.store.__exit__, None, None, None)
             await self.planning.close()
 
-    def kill_workers(self) -> None:
-        """End the processes at once."""
-        self.planning.kill()
-
-    async def _open_site(self, path: Path) -> None:
-        async with self._lock:
-            before = self.store
-            if before is not None and before.path == path:
-                return
-            store = await asyncio.to_thread(SiteStore(path).__enter__)
-            self.store, self.view = store, NOTHING
-            if before is not None:
-                await asyncio.to_thread(before.__exit__, None, None, None)
-            self._take_change()
-
-    async def _change(self, revision: int, work: Callable[[SiteStore], None]) -> None:
-        async with self._lock:
-            store = self.store
-            if store is None:
-                raise SiteError("expected a site; none is open")
-            await self._look()
-            self.expect_revision(revision)
-            await asyncio.to_thread(work, store)
-            self._take_change()
+    def _expect_store(self) -> SiteStore:
+        if self.store is None:
+            raise SiteError("expected a site; none is open")
+        return self.store
 
     async def _look(self) -> None:
         store = self.store

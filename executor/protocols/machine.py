@@ -117,6 +117,11 @@ class DialogueMachine(ABC):
     """Whether it is long, so that it takes turns with those of other vehicles on the same radio."""
 
     @property
+    def is_all_sent(self) -> bool:
+        """Whether everything was sent, so that another vehicle's transfer may begin."""
+        return False
+
+    @property
     def accepted(self) -> bool:
         """Whether it ended well."""
         return isinstance(self.outcome, Accepted)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
+import tomlkit
 from pydantic import ValidationError
 
 from executor.core.interface import messages
@@ -439,7 +439,7 @@ def format_learned_toml(found: LearnedAircraft, drone: str, base: Drone) -> str:
             HEAD.format(logs=logs, minutes=found.table.minutes),
             *_format_energy(found, drone, base),
             "",
-            tomli_w.dumps(build_learned_table(found)),
+            tomlkit.dumps(build_learned_table(found)),
         ]
     )
 

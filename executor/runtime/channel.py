@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 from executor.core.interface.messages import Radio
 from executor.core.interface.ports import Link
 from executor.protocols.machine import RoundTrip
-from executor.protocols.turns import Rank, Turn, find_wait_s, is_buffer_full, is_next
+from executor.protocols.turns import AT_ONCE_LOSSY, Rank, Turn, find_wait_s, is_buffer_full, is_next
 
 MOST_CHANNELS = 200
 """That are remembered: a connection that breaks is another one after it."""
@@ -33,9 +33,11 @@ class Channel:
     radio: Radio | None = None
     radio_s: float = float("-inf")
     under_way: dict[Turn, float] = field(default_factory=dict)
-    """Transfers, and when each came on last by the loop's clock."""
+    """Transfers, and when each came on last by the loop's clock; minus infinity for one that has sent everything."""
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
+    is_lossy: bool = False
+    """Whether many frames get lost on a radio that has room for them."""
     sent_s: float = float("-inf")
     """When a dialogue said something, by the loop's clock."""
     _numbers: count[int] = field(default_factory=count)
@@ -73,11 +75,14 @@ class Channel:
         """Return whether no dialogue has said anything for so long."""
         return asyncio.get_running_loop().time() - self.sent_s >= for_real_s
 
-    def note_progress(self) -> None:
-        """Note that the transfer of this task has come on."""
+    def note_progress(self, *, all_sent: bool) -> None:
+        """Note that the transfer of this task has come on; while the rest is answered another one may begin."""
         turn = _TURN.get()
         if turn in self.under_way:
-            self.under_way[turn] = asyncio.get_running_loop().time()
+            before_s = self.under_way[turn]
+            self.under_way[turn] = -math.inf if all_sent else asyncio.get_running_loop().time()
+            if all_sent and before_s > -math.inf:
+                self._tell()
 
     @asynccontextmanager
     async def take_turn(self, rank: Rank, needed_s: float = math.inf) -> AsyncIterator[bool]:
@@ -90,7 +95,9 @@ class Channel:
         turn, waited, now_s = Turn(rank, needed_s, next(self._numbers)), False, asyncio.get_running_loop().time
         self.waiting.add(turn)
         try:
-            while not is_next(turn, self.waiting, self.under_way.values(), now_s()):
+            while not is_next(
+                turn, self.waiting, self.under_way.values(), now_s(), AT_ONCE_LOSSY if self.is_lossy else 1
+            ):
                 waited = True
                 await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s())))
         finally:

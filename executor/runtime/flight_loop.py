@@ -481,6 +481,8 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
         for beats in itertools.count():
             ways = [(name, way) for name, link in links.items() for way in link.ways]
             once = {way.peer or number: (name, way) for number, (name, way) in enumerate(ways)}
+            for _, way in once.values():
+                channel_of(way).is_lossy = losses.are_many
             if loop.time() < due_s - LEAST_TICK_REAL_S:
                 _fill(once.values(), clock)
             else:
@@ -523,10 +525,14 @@ class _Losses:
             self._counts.append(message)
 
     @property
-    def want_fillers(self) -> bool:
+    def are_many(self) -> bool:
         missing = sum(one.missing for one in self._counts)
         many = missing > MANY_LOST * sum(one.received + one.missing for one in self._counts)
-        return many and self._free_pct is not None and self._free_pct >= EMPTY_PCT
+        return many and self._free_pct is not None
+
+    @property
+    def want_fillers(self) -> bool:
+        return self.are_many and self._free_pct is not None and self._free_pct >= EMPTY_PCT
 
 
 def _shift_of(beats: int) -> float:

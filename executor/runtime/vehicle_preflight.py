@@ -32,7 +32,7 @@ from executor.runtime import procedures
 from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import listen_to, run_dialogue
 from executor.runtime.procedures import ProcedureResult
-from missions import Dialect, EncodedMission, MissionItem, MissionKind, dialect_for
+from missions import Dialect, EncodedMission, MissionItem, MissionKind, dialect_for, list_other_names
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
@@ -209,12 +209,8 @@ async def interview_vehicle(
             raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.find_missing()}") from None
         if heard.version is None:
             await _request_banner(heard, link, clock)
-        answers = await read_parameters(
-            link,
-            clock,
-            (*onboard_failsafes.list_preflight_parameters(dialect), *more),
-            lambda present: onboard_failsafes.list_older_parameters(dialect, present),
-        )
+        asked = (*onboard_failsafes.list_preflight_parameters(dialect), *more)
+        answers = await read_parameters(link, clock, asked, dialect)
     if heard.heartbeat is None or heard.position is None or heard.best_remaining_pct is None:
         raise PreflightFailed(f"{name}: link lost while its parameters were read")
     stations = [one for one in heard.strangers if isinstance(one, messages.StationHeard)]
@@ -270,16 +266,11 @@ async def read_present(context: Context, name: str, link: Link, clock: Clock) ->
     """Return what a vehicle has of the parameters that a flight may change on it."""
     dialect = context.vehicles[name].dialect
     names = (*parameter_changes.list_return_parameters(dialect), *fence_changes.list_fence_parameters(context, name))
-    return await read_parameters(
-        link, clock, names, lambda present: parameter_changes.list_newer_return_parameters(dialect, present)
-    )
+    return await read_parameters(link, clock, names, dialect)
 
 
 async def read_parameters(
-    link: Link,
-    clock: Clock,
-    names: Iterable[str],
-    others: Callable[[parameter_changes.Present], Iterable[str]] = lambda _: (),
+    link: Link, clock: Clock, names: Sequence[str], dialect: Dialect | None = None
 ) -> parameter_changes.Answers:
     """Read parameters at the pace of the link, until each is answered, or not there, or the link is silent.
 
@@ -287,10 +278,10 @@ async def read_parameters(
         link: To the vehicle.
         clock: The flight's.
         names: Which ones.
-        others: Given what is there, the names that some have in other firmware.
+        dialect: By which what is not there is asked for by its name in other firmware; None where it is not.
     """
     answers = await _read_at_pace(link, clock, names)
-    more = () if answers.unread else tuple(others(answers.present))
+    more = () if answers.unread or dialect is None else list_other_names(dialect, names, answers.present)
     if not more:
         return answers
     # One that is there goes with them: beside it a silence can be told from the link's.

@@ -126,7 +126,7 @@ def fleet_of(
                 parameters={
                     rule.action: float(rule.action_return if failsafe else 0),
                     rule.timeout: max(rule.timeout_s, site_model.stall_s(speedup)),
-                    **dict.fromkeys(rule.station_sysid[:1], float(station)),
+                    **({} if rule.station_sysid is None else {rule.station_sysid: float(station)}),
                 },
                 other_station=OTHER_STATION - (station == OTHER_STATION),
                 rate_bytes_s=PX4_RATE_BYTES_S if slow else math.inf,

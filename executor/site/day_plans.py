@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -50,7 +52,18 @@ from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
 from missions.validation import Pair
 from planner import Cost, Plan, Progress, Route, Vehicle, segment_of, top_speed_m_s
-from planner.sorties import Objective, evaluate_sorties, solve_sorties, subtract_quiet_times
+from planner.sorties import (
+    Objective,
+    SortieInstance,
+    build_sorties_after_loss,
+    evaluate_sorties,
+    replan_sorties,
+    solve_sorties,
+    subtract_quiet_times,
+)
+
+if TYPE_CHECKING:
+    from planner.sorties.sortie_annealing import MoveTable
 
 DAY_S = 86_400.0
 
@@ -146,6 +159,56 @@ def solve_day(
     )  # fmt: skip
     planned = content.with_plan(found.plan, found.evaluation, wanted.objective)
     return replace(planned, **asdict(SolverRecord("search", wanted.seed, found.seconds)))
+
+
+@dataclass(frozen=True, slots=True)
+class PricedDays:
+    """The problem of a plan of days, and all moves in it."""
+
+    instance: SortieInstance
+    table: MoveTable
+
+
+def price_days(content: DayPlanFile) -> PricedDays:
+    """Return what every re-plan of these days is searched in."""
+    # Only here: it loads the kernels.
+    from planner.sorties.sortie_annealing import build_move_table
+
+    instance = content.build_instance()
+    return PricedDays(instance, build_move_table(instance))
+
+
+def preview_day_loss(
+    content: DayPlanFile, lost: str, at_s: float, *, seed: int, priced: PricedDays | None = None
+) -> tuple[DayPlanFile, bool]:
+    """Re-plan days for the loss of one vehicle for good; returns too whether everything is inspected.
+
+    What the lost vehicle has landed with counts, sorties under way are flown to their end, and spares fly.
+
+    Args:
+        content: The plan.
+        lost: The vehicle's name.
+        at_s: When it is lost, in seconds from the first midnight.
+        seed: Of the search.
+        priced: As `price_days` has it, where that was asked already.
+
+    Raises:
+        PlanFileError: the plan has no such vehicle.
+    """
+    if lost not in content.names:
+        raise PlanFileError(f"{content.source}: --lost: expected one of {', '.join(content.names)}, got {lost}")
+    began_s = time.perf_counter()
+    priced = priced or price_days(content)
+    left = build_sorties_after_loss(priced.instance, content.plan.routes, {content.names.index(lost): at_s}, at_s)
+    found = replan_sorties(left, seed, priced.table)
+    flown = Plan(
+        tuple(sorted((*left.kept, *found.routes), key=lambda one: (one.vehicle, one.start_s))), found.uncovered
+    )
+    locked = {segment: keeper for segment, keeper in content.pricing.locked.items() if keeper != lost}
+    days = replace(content, pricing=replace(content.pricing, locked=locked), windows=())
+    made = days.with_plan(flown, evaluate_sorties(priced.instance, flown), Objective(content.cost.name))
+    solved = SolverRecord("search", seed, time.perf_counter() - began_s)
+    return replace(made, **asdict(solved)), not found.uncovered
 
 
 def list_spares(ground: SiteModel) -> list[str]:

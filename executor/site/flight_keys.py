@@ -37,6 +37,8 @@ class FlightTable(SiteTable):
     it, marked as inferred; `fly` it again for proof by positions."""
 
 
+MOST_DAYS = 60
+"""Of one plan."""
 _LIMITS = Limits()
 """Its figures are the defaults of the site file."""
 
@@ -264,7 +266,7 @@ class DayTable(SiteTable):
     """First take-off of a day."""
     end: Clock = "16:00"
     """Everybody has landed by then."""
-    days: Annotated[int, Field(ge=1, le=60)] = 1
+    days: Annotated[int, Field(ge=1, le=MOST_DAYS)] = 1
     """Days there are at most."""
     stagger_s: Seconds = 30.0
     """Least time between two take-offs from a base."""

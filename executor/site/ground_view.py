@@ -325,38 +325,14 @@ def read_ground_files(run: Path) -> dict[str, bytes]:
         raise LogError(f"{error.filename}: cannot be read: {error.strerror}") from error
 
 
-def read_ground(run: Path) -> GroundView | None:
-    """Return the ground that a run directory keeps; None if it keeps none.
-
-    Raises:
-        LogError: one of its files cannot be used.
-    """
-    files = read_ground_files(run)
-    if not files:
-        return None
-    document = _read_document(run)
-    background = relief = None
-    if document.photo is not None:
-        pixels = _decode_image(run / document.photo, files[document.photo], "RGBA")
-        background = Background(pixels, document.low_m, document.high_m, document.attribution)
-    if document.relief is not None:
-        shade = _decode_image(run / document.relief.file, files[document.relief.file], "LA")
-        part = document.relief.heights
-        metres = [np.nan if one is None else float(one) for one in part.metres]
-        if len(metres) != part.rows * part.columns:
-            raise LogError(f"{run / DOCUMENT}: relief.heights.metres: expected {part.rows * part.columns} heights")
-        heights_m = np.array(metres, dtype=np.float32).reshape(part.rows, part.columns)
-        relief = Hillshade(
-            heights_m, shade, document.low_m, document.high_m, document.relief.interval_m, document.relief.contours
-        )
-    return GroundView(document.low_m, document.high_m, background, relief, document.attribution)
-
-
 def _read_document(run: Path) -> GroundDocument:
     path = run / DOCUMENT
     document = GroundDocument.read(path, "the ground below a flight")
     if document.photo not in {None, PHOTO} or (document.relief is not None and document.relief.file != RELIEF):
         raise LogError(f"{path}: photo, relief.file: expected {PHOTO} and {RELIEF}, beside it")
+    heights = None if document.relief is None else document.relief.heights
+    if heights is not None and len(heights.metres) != heights.rows * heights.columns:
+        raise LogError(f"{path}: relief.heights.metres: expected {heights.rows * heights.columns} heights")
     return document
 
 
@@ -398,13 +374,3 @@ def _encode_image(pixels: Pixels, kind: str, **options: object) -> bytes:
     file = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(pixels)).save(file, kind, **options)
     return file.getvalue()
-
-
-def _decode_image(path: Path, content: bytes, mode: str) -> Pixels:
-    from PIL import Image
-
-    try:
-        with Image.open(io.BytesIO(content), formats=("WEBP", "PNG")) as image:
-            return np.asarray(image.convert(mode), dtype=np.uint8)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise LogError(f"{path}: expected a picture: {error}") from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tomli_w
+import tomlkit
 
 import missions
 from executor.adapters.templates import render_template
@@ -39,7 +39,7 @@ def render_site_template(vehicles: int, autopilot: str, **wish: object) -> str:
 
 
 def _render_row(key: str, value: object, comment: str = "") -> str:
-    text = tomli_w.dumps({key: value}).strip()
+    text = tomlkit.dumps({key: value}).strip()
     if isinstance(value, float | tuple):
         text = f"{key} = {_shorten_figures(value)}"
     return _append_comment(text, comment) if comment else text

@@ -246,15 +246,29 @@ def read_toml(path: Path, expected: str) -> dict[str, Any]:
         SiteError: one line that names the file and what was expected.
     """
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
         raise SiteError(f"{path}: no such file; expected {expected} (TOML)") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SiteError(f"{path}: cannot be read: {error}") from error
+    try:
+        return parse_toml(text)
+    except SiteError as error:
+        raise SiteError(f"{path}: {error}") from error
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return what a text in TOML says.
+
+    Raises:
+        SiteError: it is not TOML.
+    """
+    try:
+        return tomllib.loads(text)
     except ValueError as error:  # beside TOMLDecodeError: whole numbers of thousands of digits
-        raise SiteError(f"{path}: not TOML: {error}") from error
+        raise SiteError(f"not TOML: {error}") from error
     except RecursionError:
-        raise SiteError(f"{path}: not TOML: {NESTED}") from None
+        raise SiteError(f"not TOML: {NESTED}") from None
 
 
 def check_site(content: dict[str, Any], source: str) -> Site:

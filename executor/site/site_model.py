@@ -104,12 +104,14 @@ def load_site_model(
         site: The site file's tables.
         base: Its folder, which its paths are relative to.
         learned: What is known of vehicles from flights before, by their name.
-        understood: What `import_site_network` returned, where the network is read already.
+        understood: What `import_site_network` returned, where the network is read already, also without a depot.
 
     Raises:
         MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
     understood = understood or import_site_network(site.network, site.depot, base)
+    if understood.lacks:
+        raise missions.errors.NetworkError(f"{understood.network.source}: {understood.lacks}")
     network = add_structure_heights(understood.network, site.network.pylon_height_m)
     found: tuple[str, ...] = ()
     terrain = load_terrain(site, base, network)

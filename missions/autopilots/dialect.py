@@ -6,8 +6,8 @@ Parameters, values and meanings are those of ArduPilot's and PX4's own reference
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from importlib import resources
 
@@ -72,8 +72,6 @@ class ReturnParameters:
     """Parameter: least height of the way home over the own home."""
     unit_m: float
     """One unit of ``height`` in metres."""
-    newer_height: str | None = None
-    """A later firmware's name of it, in metres."""
     descend_height: str | None = None
     """Parameter in metres: where it waits above home before it lands, if the autopilot has one."""
     descend_wait: str | None = None
@@ -140,8 +138,8 @@ class GroundStationFailsafe:
     """Silence to the return, with the defaults."""
     exception: tuple[str, int]
     """Parameter, and the bit of it with which the vehicle flies its mission on all the same."""
-    station_sysid: tuple[str, ...]
-    """Parameter, by its newest name first: whose heartbeats count; empty if anybody's do."""
+    station_sysid: str | None = None
+    """Parameter: whose heartbeats count; None if anybody's do."""
 
 
 class ThresholdUnit(Enum):
@@ -166,6 +164,8 @@ class BatteryLevel:
     unit: ThresholdUnit
     voltage: str | None = None
     """Parameter: volts below which it is done too; None if the autopilot has none, 0 is never."""
+    since: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    """Values of ``action`` that only newer firmware knows, with its major and minor number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,9 +176,9 @@ class EarlyReturn:
     """Parameter that chooses what is done."""
     actions: Words
     nothing: tuple[int, ...]
-    """Its values for no action."""
-    since: tuple[int, int] | None = None
-    """Major and minor number of the firmware from which on it does so; None where it does if it has the parameter."""
+    """Its values for no action, or none before a level is reached."""
+    without: str | None = None
+    """A parameter of older firmware: a vehicle that has it does not do so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +218,15 @@ class Geofence:
     """Parameter: rally points farther away than so many kilometres do not count, 0 for all; None if all do."""
     checked_on_load: bool
     """Whether a fence that does not hold its home and the vehicle is dropped, with a text and no refusal."""
+
+
+@dataclass(frozen=True, slots=True)
+class OtherName:
+    """What a parameter is called in firmware that does not have it by its first name."""
+
+    name: str
+    unit: float
+    """One unit of the parameter in units of this one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -306,8 +315,12 @@ class Dialect:
     """How it flies missions by its own parameters' defaults."""
     tunings: tuple[Tuning, ...]
     """Which parameters change that."""
+    other_names: Mapping[str, OtherName]
+    """Of parameters that were renamed, by the name that is used here."""
     oldest_version: tuple[int, int]
     """Major and minor number; what is older was not looked at."""
+    newest_version: tuple[int, int]
+    """Major and minor number; parameters of what is newer were not held against these tables."""
     tested_version: str
     """What this dialect was measured with."""
 
@@ -335,6 +348,28 @@ def dialect_for(name: str) -> Dialect:
 def dialect_of(number: int) -> Dialect | None:
     """Return the dialect of a MAV_AUTOPILOT; None if it is not known."""
     return next((dialect for dialect in AUTOPILOTS if dialect.number == number), None)
+
+
+def list_other_names(dialect: Dialect, names: Iterable[str], present: Container[str] = ()) -> tuple[str, ...]:
+    """Return the names in other firmware of those parameters that a vehicle does not have by their first."""
+    known = dialect.other_names
+    return tuple(known[name].name for name in names if name in known and name not in present)
+
+
+def find_name_on_board(dialect: Dialect, name: str, present: Container[str]) -> str:
+    """Return the name by which a vehicle has a parameter; the first where it has neither."""
+    other = dialect.other_names.get(name)
+    return name if other is None or name in present or other.name not in present else other.name
+
+
+def add_first_names(dialect: Dialect, values: Mapping[str, float]) -> dict[str, float]:
+    """Return values of parameters, those with another name also by their first and in its units.
+
+    >>> add_first_names(ARDUPILOT, {"WP_SPD": 12.0})
+    {'WPNAV_SPEED': 1200.0, 'WP_SPD': 12.0}
+    """
+    others = dialect.other_names.items()
+    return {first: values[other.name] / other.unit for first, other in others if other.name in values} | dict(values)
 
 
 def is_mission_mode(dialect: Dialect, custom_mode: int | None) -> bool:

@@ -52,6 +52,7 @@ GRAPH = "graph file"
 ``pylons_position`` holds "x y z;" a line, ``connections_indexes`` the 1-based neighbours of each pylon, "1 3;" a line.
 Every segment is normally listed from both of its ends; a pair is taken once, from its lower to its higher pylon.
 """
+OFFSETS = "depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only"
 POSITIONS, NEIGHBOURS = "pylons_position", "connections_indexes"
 
 # name = "..." with libconfig's joining of adjacent strings; group 2 holds all of them.
@@ -86,6 +87,8 @@ class NetworkImport:
     crs: str
     has_depot: bool
     """Whether the depot is known; otherwise the network's is the middle of its poles."""
+    lacks: str
+    """What more must be known of the depot before anybody flies, in a line; empty if nothing."""
     lines: Mapping[str, str]
     """The line of each segment, by the segment's label; empty where there is none."""
     found: tuple[Remark, ...]
@@ -172,7 +175,7 @@ def _parse_graph(text: str, choice: ReadOptions) -> RawNetwork:
     if frame is not None:  # heights are counted from it, whether it has one above the sea or not
         drawing.depot = Pole(GRAPH, "", frame.lat_deg, frame.lon_deg, frame.alt_m)
     elif not choice.anywhere or choice.crs is not None:
-        raise NetworkError("depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
+        raise NetworkError(OFFSETS)
     else:
         words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
         drawing.found.append(Remark(RemarkTopic.FILE, GRAPH, words))
@@ -357,19 +360,21 @@ def _place_network(
         built = _crop_to_radius(built, frame, radius_m)
         if not built.segments:
             raise _build_nothing_near_error(drawing, frame, radius_m)
-    has_depot, knows_ground = frame is not None, any(pylon.elevation_m is not None for pylon in built.pylons)
+    has_depot, lacks = frame is not None, ""
     if frame is None:
-        if not anywhere:
-            raise NetworkError("depot: expected a Point with property role 'depot', or a depot in the site file")
-        frame = _find_middle(built)
-    elif not alt_known and knows_ground and not anywhere:
-        raise NetworkError(
+        wanted = "depot: expected a Point with property role 'depot', or a depot in the site file"
+        lacks = OFFSETS if drawing.format == GRAPH else wanted
+    elif not alt_known and any(pylon.elevation_m is not None for pylon in built.pylons):
+        lacks = (
             "depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
             "of the site's [depot], or elevation_m of the file's"
         )
+    if lacks and not anywhere:
+        raise NetworkError(lacks)
+    frame = frame or _find_middle(built)
     network = Network(built.pylons, built.segments, frame, drawing.source, drawing.flat)
     found = sorted(built.found, key=lambda one: one.matter not in FIRST)
-    return NetworkImport(network, drawing.format, drawing.crs, has_depot, built.lines, tuple(found))
+    return NetworkImport(network, drawing.format, drawing.crs, has_depot, lacks, built.lines, tuple(found))
 
 
 def _build_nothing_near_error(drawing: RawNetwork, frame: LocalFrame | None, radius_m: float | None) -> NetworkError:

@@ -17,6 +17,7 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
 from missions.errors import ElevationError, MissionsError
-from missions.files import to_printable, write_whole
+from missions.files import stamp_file, to_printable, write_whole
 from missions.geo import FloatArray, LocalFrame
 from missions.terrain import Elevation, Heights, Tile
 
@@ -222,7 +223,7 @@ class _RasterPart:
 
 
 def read_elevation(paths: Sequence[Path], reading: RasterOptions) -> Elevation:
-    """Read what rasters know of an area.
+    """Read what rasters know of an area; the last answer stays known for as long as its files are the same.
 
     Args:
         paths: Files, or folders of them.
@@ -234,13 +235,20 @@ def read_elevation(paths: Sequence[Path], reading: RasterOptions) -> Elevation:
     files = _list_files(paths)
     if len(files) == 1 and files[0].suffix == KEPT_SUFFIX:
         return read_kept_ground(files[0], reading.frame)
+    return _read_all(paths[0], tuple(files), tuple(stamp_file(one) for one in files), reading)
+
+
+@lru_cache(maxsize=1)
+def _read_all(
+    asked: Path, files: tuple[Path, ...], _: tuple[tuple[int, int] | None, ...], reading: RasterOptions
+) -> Elevation:
     found = [part for path in files if (part := _read(path, reading)) is not None]
     names = files[0].name if len(files) == 1 else f"{len(files)} rasters"
     if not found:
         south, west = reading.frame.to_wgs84_deg(*reading.low_m)
         north, east = reading.frame.to_wgs84_deg(*reading.high_m)
         raise ElevationError(
-            f"{paths[0]}: area: expected heights between {south:.4f}, {west:.4f} and {north:.4f}, {east:.4f}, but "
+            f"{asked}: area: expected heights between {south:.4f}, {west:.4f} and {north:.4f}, {east:.4f}, but "
             f"{names if len(files) > 1 else 'the raster'} {'know' if len(files) > 1 else 'knows'} none of it"
         )
     return Elevation(

@@ -16,8 +16,14 @@ from statistics import median
 import numpy as np
 
 from missions.errors import NetworkError
-from missions.geo import MAX_LATITUDE_DEG, FloatArray, IndexArray, LocalFrame
-from missions.geometry import find_bends, find_crossings, find_nearest_on_legs, place_distances_m
+from missions.geo import MAX_LATITUDE_DEG, FloatArray, LocalFrame
+from missions.geometry import (
+    find_bends,
+    find_crossings,
+    find_nearest_along,
+    pair_with_ranges,
+    place_distances_m,
+)
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment, check_degrees
 from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
 
@@ -177,26 +183,6 @@ class Nodes:
         return math.floor(at_m[0] / wide_m), math.floor(at_m[1] / wide_m)
 
 
-class PlaceIndex:
-    """Places that are looked up by where they are."""
-
-    def __init__(self, places_m: FloatArray) -> None:
-        """Sort (n, 2) places along the longer side of what they cover."""
-        self._axis = int(np.argmax(np.ptp(places_m, axis=0))) if len(places_m) else 0
-        self._order = np.argsort(places_m[:, self._axis], kind="stable")
-        self._sorted_m = places_m[self._order]
-
-    def find_beside(
-        self, a_m: FloatArray, b_m: FloatArray, within_m: float
-    ) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Return the places near a span: their numbers, how far along it (0 to 1), and how far from it."""
-        low, high = sorted((float(a_m[self._axis]), float(b_m[self._axis])))
-        first, last = np.searchsorted(self._sorted_m[:, self._axis], (low - within_m, high + within_m))
-        distances_m, shares = find_nearest_on_legs(self._sorted_m[first:last], a_m[np.newaxis], (b_m - a_m)[np.newaxis])
-        near = np.flatnonzero(distances_m[:, 0] <= within_m)
-        return self._order[first:last][near], shares[near, 0], distances_m[near, 0]
-
-
 def find_nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
     """Return the nearest of (n, 2, 2) spans to a place and how far away it is; ``but`` are not looked at."""
     distances_m = place_distances_m(ends_m, place_m[np.newaxis])[0]
@@ -345,13 +331,11 @@ def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark])
     """Let lines run over every node that they pass."""
     if not chains:
         return []
-    places_m = np.array([node.at_m for node in nodes.nodes], dtype=np.float64)
-    places, split = PlaceIndex(places_m), []
+    beside, split = _find_nodes_beside(chains, nodes), []
     for chain in chains:
         full, passed = [chain.nodes[0]], []
         for a, b in itertools.pairwise(chain.nodes):
-            near, shares, _ = places.find_beside(places_m[a], places_m[b], nodes.snap_m)
-            between = [int(near[i]) for i in np.argsort(shares, kind="stable") if near[i] not in {a, b}]
+            between = [one for one in beside.get((a, b), ()) if one not in {a, b}]
             passed += between
             full += [*between, b]
         if passed:
@@ -360,6 +344,30 @@ def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark])
             found.append(Remark(RemarkTopic.SPLIT, chain.asset, f"split at {len(passed)} on its way: {names}{more}"))
         split.append(_Chain(chain.line, [index for index, _ in itertools.groupby(full)]))
     return split
+
+
+def _find_nodes_beside(chains: Sequence[_Chain], nodes: Nodes) -> dict[tuple[int, int], list[int]]:
+    """Return the nodes that each leg of some lines passes, in its direction; its own ends are among them."""
+    legs = list(dict.fromkeys(pair for chain in chains for pair in itertools.pairwise(chain.nodes)))
+    places_m = np.array([node.at_m for node in nodes.nodes], dtype=np.float64)
+    begins_m, ends_m = np.moveaxis(places_m[legs], 1, 0)
+    axis = int(np.argmax(np.ptp(places_m, axis=0)))
+    order = np.argsort(places_m[:, axis], kind="stable")
+    sorted_m = places_m[order, axis]
+    lows, highs = np.minimum(begins_m, ends_m) - nodes.snap_m, np.maximum(begins_m, ends_m) + nodes.snap_m
+    beside: dict[tuple[int, int], list[int]] = {}
+    for rows, places in pair_with_ranges(
+        np.searchsorted(sorted_m, lows[:, axis]), np.searchsorted(sorted_m, highs[:, axis])
+    ):
+        one, other = rows, order[places]
+        inside = ((places_m[other] >= lows[one]) & (places_m[other] <= highs[one])).all(axis=1)
+        one, other = one[inside], other[inside]
+        away_m, shares = find_nearest_along(places_m[other] - begins_m[one], ends_m[one] - begins_m[one])
+        near = np.flatnonzero(away_m <= nodes.snap_m)
+        near = near[np.lexsort((shares[near], one[near]))]
+        for leg, node in zip(one[near].tolist(), other[near].tolist(), strict=True):
+            beside.setdefault(legs[leg], []).append(node)
+    return beside
 
 
 def _remove_straight_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:

@@ -34,6 +34,7 @@ _LETTERS = str.maketrans({
     "′": "'", "″": '"', "”": '"', "“": '"', "ʺ": '"', "º": "°", "˚": "°",
 })  # fmt: skip
 _FIGURE = re.compile(r"([+-]?)(\d[\d .,']*|[.,]\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
+_PLAIN = re.compile(r"-?\d+(?:\.\d+)?", re.ASCII)
 _GROUPED = {mark: re.compile(rf"\d{{1,3}}(?:{re.escape(mark)}\d{{3}})+", re.ASCII) for mark in " '.,"}
 _MEASURE = re.compile(r"([+-]?[\d.,][\d .,']*?) ?(?<=[\d.,' ])([^\W\d]\S*|['%])?(?: (\D*))?", re.ASCII)
 _FEET = re.compile(r"(\d+)' ?(\d+(?:\.\d+)?)\"", re.ASCII)
@@ -69,6 +70,8 @@ def parse_figure(text: str, mark: str | None = None) -> float | None:
         text: Such as '543 355,1' or '1,345.5'.
         mark: The file's decimal mark, where it is known: without it nobody knows how much '1,345' is.
     """
+    if mark != "," and _PLAIN.fullmatch(text):  # nearly all there are, and a file has many
+        return float(text)
     match = _FIGURE.fullmatch(_normalise_text(text))
     if match is None:
         return None

@@ -18,6 +18,7 @@ from planner.sorties.sortie_losses import (
     add_spares,
     build_sorties_after_loss,
     find_loss_windows,
+    replan_sorties,
     simulate_days,
     solve_sorties,
     summarise_samples,

@@ -7,17 +7,30 @@ import sys
 from collections.abc import Iterator
 from enum import Enum
 from types import NoneType, UnionType
-from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from executor.adapters.web.snapshot import BesideFleet, BesideVehicle, PageAssets, PageChart
+from executor.analysis.report_map import ReportMap
 from executor.core.fleet_view import FleetView
+from executor.plan_page import api_answers as answers
 from executor.site.ground_view import GroundDocument
 from executor.site.site_schema import read_docstrings
 
 TYPES = "../executor/adapters/web/documents.d.ts"
 """Beside what makes the documents."""
-DOCUMENTS = (FleetView, BesideFleet, BesideVehicle, PageChart, PageAssets, GroundDocument)
-PLAIN: dict[object, str] = {NoneType: "null", bool: "boolean", int: "number", float: "number", str: "string"}
+DOCUMENTS = (
+    FleetView, BesideFleet, BesideVehicle, PageChart, PageAssets, GroundDocument, answers.WorkspaceAnswer,
+    answers.NetworkAnswer, answers.GroundAnswer, answers.PlanPart, answers.LossAnswer, answers.ChangeAnswer,
+    answers.TryAnswer, answers.FlightPart, ReportMap,
+)  # fmt: skip
+PLAIN: dict[object, str] = {
+    Any: "any",
+    NoneType: "null",
+    bool: "boolean",
+    int: "number",
+    float: "number",
+    str: "string",
+}
 HEAD = """\
 // Made by ./scripts/reference from the program's documents (DOCUMENTS in scripts/pages/page_types.py).
 
@@ -67,13 +80,13 @@ def _typed(kind: object, wanted: dict[type, None]) -> str:
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Literal:
         return " | ".join(f'"{one}"' for one in parts)
-    if origin is Annotated:
-        return _typed(parts[0], wanted)
-    if origin in {Union, UnionType}:
-        return " | ".join(_typed(one, wanted) for one in parts)
+    if origin in {Annotated, Union, UnionType}:
+        return " | ".join(_typed(one, wanted) for one in (parts[:1] if origin is Annotated else parts))
     if origin is list or (origin is tuple and parts[-1] is ...):
         inner = _typed(parts[0], wanted)
         return f"({inner})[]" if " | " in inner else f"{inner}[]"
+    if origin is dict:
+        return f"Record<string, {_typed(parts[1], wanted)}>"
     if origin is tuple:
         return f"[{', '.join(_typed(one, wanted) for one in parts)}]"
     if not isinstance(kind, type):

@@ -33,6 +33,7 @@ class Difference:
 
 
 CAPABILITIES = "a simulated vehicle names only what it can do"
+PARAMETERS = "a simulated vehicle has fewer parameters"
 DIFFERENCES: Mapping[str, Mapping[str, Difference]] = {
     "ardupilot": dict.fromkeys(
         (
@@ -41,15 +42,15 @@ DIFFERENCES: Mapping[str, Mapping[str, Difference]] = {
         ),
         Difference(
             "AUTOPILOT_VERSION 4.7.0 DEV, capabilities 0 1 2 3 5 6 7 8 9 11 12 13 14 15",
-            "AUTOPILOT_VERSION 4.7.0 DEV, capabilities 0 1 2 3 13",
+            "AUTOPILOT_VERSION 4.7.0 DEV, capabilities 0 1 2 3 5 7 8 13 14 15",
             CAPABILITIES,
         ),
-    ),
+    ) | {"parameters": Difference(r"FILE OPENFILERO '0?||'", r"FILE OPENFILERO 'L\x02||'", PARAMETERS)},
     "px4": dict.fromkeys(
         ("request the version", "request the version the old way", "command to every component"),
         Difference(
             "AUTOPILOT_VERSION 1.17.0 OFFICIAL, capabilities 0 1 2 3 4 5 6 7 11 13 14 15",
-            "AUTOPILOT_VERSION 1.17.0 OFFICIAL, capabilities 0 1 2 3 4 13",
+            "AUTOPILOT_VERSION 1.17.0 OFFICIAL, capabilities 0 1 2 3 4 5 7 13 14 15",
             CAPABILITIES,
         ),
     ),

@@ -386,9 +386,10 @@ def guided(dialect: Dialect) -> Chapter:
         step("a motor that is well again", order(INJECT_FAILURE, MOTOR, 0, 1), Look()),
         step("a failure that nothing can have", order(INJECT_FAILURE, GYRO, 6, 0), Look()),
         step("the mode for set-points with set-points", *stream,
-             replace(set_mode(set_points), listen_s=0.2), *stream, Look(0.1)),
-        step("a place among them", *(replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.2),) * 60, Look()),
-        step("and silence", Look(12.0)),
+             replace(set_mode(set_points), listen_s=0.2), *stream, Look(3.0)),
+        step("a place among them", *(replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.2),) * 60,
+             replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.02), Look()),
+        step("and silence", Look(4.0)),
         step("stay", order(LOITER_UNLIM), Look(1.0)),
         step("land", order(LAND), Until(What.DISARMED, limit_s=200.0, narrate=True), Look(3.0)),
     ))  # fmt: skip
@@ -396,5 +397,4 @@ def guided(dialect: Dialect) -> Chapter:
 
 CHAPTERS = {
     "questions": questions, "transfers": transfers, "flight": flight, "ending": ending, "files": files,
-    "guided": guided,
 }  # fmt: skip

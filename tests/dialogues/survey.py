@@ -101,8 +101,9 @@ def table() -> str:
     rows = []
     for autopilot, version in facts.VERSIONS.items():
         theirs, ours = real(autopilot), simulated(autopilot)
-        for kind, of_them in theirs.items():
-            of_us = ours[kind]
+        for kind, answers in theirs.items():
+            of_them = {name: said for name, said in answers.items() if said != SILENCE}
+            of_us = {name: said for name, said in ours[kind].items() if said != SILENCE}
             missing = [name for name in of_them if name not in of_us]
             other = [f"{name} {of_us[name]}" for name, said in of_them.items() if of_us.get(name, said) != said]
             more = [name for name in of_us if name not in of_them]

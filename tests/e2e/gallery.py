@@ -209,6 +209,18 @@ def flying(ready: Fleet) -> Scene:
     return Scene(ready.context, _fitted(story.state), story.now_s, words, ETAS)
 
 
+def with_span_left_out() -> Fleet:
+    """Return the same with a seventh span, which the site leaves out."""
+    return fleet([*PLACES_M, (690.0, 40.0)], [*PAIRS, (5, 7)], network={"file": "line", "leave_out": ["P46-P48"]})
+
+
+def left_out(ready: Fleet) -> Scene:
+    """Everybody flies, and a span is none of this flight."""
+    story = flown(ready)
+    words = {"#legend-out": "left out", "#count": "of 6"}
+    return Scene(ready.context, _fitted(story.state), story.now_s, words, ETAS)
+
+
 def congested(ready: Fleet) -> Scene:
     """All fly behind one radio that carries no more, and one has LTE as well."""
     story = flown(ready)
@@ -404,6 +416,7 @@ SCENES: Mapping[str, Callable[[Fleet], Scene]] = {
     "before-take-off": before,
     "before-stop": partial(before, stop=True),
     "flying": flying,
+    "left-out": left_out,
     "one-radio": congested,
     "gps-lost": reckoned,
     "takeover": taken,
@@ -414,6 +427,7 @@ SCENES: Mapping[str, Callable[[Fleet], Scene]] = {
     "pictures-many": many_assets,
 }
 FLEETS: Mapping[str, Callable[[], Fleet]] = {
+    "left-out": with_span_left_out,
     "pictures": sighted,
     "pictures-many": partial(long_line, camera=[CAMERA], look=[SPANS]),
 }

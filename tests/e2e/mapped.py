@@ -21,7 +21,7 @@ from tests.programs import find_program
 
 HOST = "http://map.test"
 STATIC = Path(executor.adapters.web.__file__).parent / "static"
-PAGE = """<!doctype html><html lang="en"><title>map</title><link rel="stylesheet" href="/files/page.css">
+PAGE = """<!doctype html><html lang="en"><title>map</title><link rel="stylesheet" href="/files/map.css">
 <link rel="stylesheet" href="/files/alone.css"><button id="before">before</button><section id="alone"></section>
 <button id="after">after</button><script type="module" src="/files/alone.js"></script></html>"""
 STYLE = "#alone { position: relative; width: 800px; height: 600px; background: var(--map); }"

@@ -19,9 +19,10 @@ PATIENCE_MS = 1000.0 * PATIENCE_S
 SIZES = {"desk": (1440, 900), "laptop": (1024, 768), "phone": (390, 844)}
 DEPOT_DEG = (49.60, 15.60)
 STEP_DEG = 0.0012
-KML = """<?xml version="1.0" encoding="UTF-8"?>
+MARK = "<Placemark><name>{name}</name><LineString><coordinates>{corners}</coordinates></LineString></Placemark>"
+KML = f"""<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>line</name>
-<Placemark><name>{name}</name><LineString><coordinates>{corners}</coordinates></LineString></Placemark>
+{MARK}
 </Document></kml>
 """
 

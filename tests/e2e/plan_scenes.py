@@ -1,13 +1,11 @@
 """Moments of the plan page, each brought about by a hand on the page, to be looked at: `tests.e2e.gallery` draws them.
 
-They are drawn at the widths of a desk, a laptop and a phone, light and dark. `python -m tests.e2e.plan_scenes
-docs/pictures` draws those of the tutorial.
+They are drawn at the widths of a desk, a laptop and a phone, light and dark; those of the tutorial by
+`tests.e2e.docs_pictures`.
 """
 
 from __future__ import annotations
 
-import asyncio
-import sys
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -104,9 +102,6 @@ PLAN_SCENES: Mapping[str, Act] = {
     "plan-lost": lost, "plan-by-hand": by_hand, "plan-several": several, "plan-day": day, "plan-heights": heights,
 }  # fmt: skip
 WITHOUT_SITE = frozenset({"plan-empty", "plan-dropped"})
-
-
-IN_TUTORIAL = ("plan-dropped", "plan-planned", "plan-lost", "plan-by-hand")
 DESK = {"desk": SIZES["desk"]}
 
 
@@ -125,13 +120,3 @@ async def draw_plan_scene(folder: Path, name: str, *, in_tutorial: bool = False)
                 await page.wait_for_timeout(700.0)
                 picture = folder / (f"{name}.png" if in_tutorial else f"{name}-{layout}-{scheme}.png")
                 await page.screenshot(path=str(picture), full_page=layout == "phone")
-
-
-async def draw_tutorial(folder: Path) -> None:
-    """Write the pictures of the tutorial."""
-    for name in IN_TUTORIAL:
-        await draw_plan_scene(folder, name, in_tutorial=True)
-
-
-if __name__ == "__main__":
-    asyncio.run(draw_tutorial(Path(sys.argv[1])))

@@ -295,9 +295,9 @@ def _contrast(one: str, other: str) -> float:
 
 async def test_lines_and_names_keep_their_contrast_in_light_and_dark() -> None:
     """By WCAG 2.2: lines 3:1, text 4.5:1."""
-    style = (STATIC / "page.css").read_text(encoding="utf-8")
+    style = (STATIC / "map.css").read_text(encoding="utf-8")
     light, dark = (
-        dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", part)) for part in style.split("* {")[0].split("@media")
+        dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", part)) for part in style.split("#map {")[0].split("@media")
     )
     hues = re.findall(r"#[0-9a-f]{6}", (STATIC / "map.js").read_text(encoding="utf-8"))
     assert len(hues) == 8

@@ -210,7 +210,11 @@ async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_
         await expect(page.locator("#times .safe-from")).to_have_text(
             re.compile(r"uav1 may be lost (at any time|from 0[89]:\d\d on)")
         )
-        await expect(page.locator("#lose")).to_be_hidden()
+        await hand.click("#lose")
+        notice = page.locator("#plans .notice.answer")
+        await expect(notice).to_contain_text(re.compile(r"uav1 lost at 0[89]:\d\d"))
+        await expect(notice).to_contain_text("The others inspect")
+        await expect(page.locator("#times .row .where").first).to_contain_text("lost")
 
 
 async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(tmp_path: Path) -> None:

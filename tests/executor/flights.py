@@ -15,7 +15,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import tomli_w
+import tomlkit
 
 from executor.adapters.eventlog import EventLog
 from executor.analysis.documents import FaultRow, FlightReport
@@ -69,7 +69,7 @@ def second_plan_file() -> PlanFile:
 
 def write_run(run: Path, *, finished: bool = True) -> FlightReport:
     """Write the flight's run directory, and return the content of its report.json."""
-    (run / "site.toml").write_text(tomli_w.dumps(_site()))
+    (run / "site.toml").write_text(tomlkit.dumps(_site()))
     write_plan(run / "plan-000.json", first_plan_file())
     write_plan(run / "plan-001.json", second_plan_file())
     log = EventLog(run / "events.jsonl", began_unix_s=1.8e9, speedup=2.0)

@@ -59,6 +59,7 @@ class FakeLink:
         self.radio: object | None = None
         self.cut = False
         """Nothing passes any more."""
+        self._closed = False
         self._passed = 0
         self._clock = clock
         self._rng = random.Random(seed)
@@ -98,16 +99,16 @@ class FakeLink:
         self._pass(lambda: self._reached_us(message))
 
     def close(self) -> None:
-        """Stop the vehicle's own clock."""
-        if self._timer is not None:
-            self._timer.cancel()
+        """Stop the vehicle's own clock for good: in virtual time it would go on for as long as a loop takes to end."""
+        self._closed = True
+        self._cancel_timer()
 
     def of_kind(self, kind: type[Outgoing]) -> list[tuple[float, Outgoing]]:
         """Return what was sent of one kind, with its times."""
         return [(at_s, message) for at_s, message in self.sent if isinstance(message, kind)]
 
     def _pass(self, arrive: Callable[[], None]) -> None:
-        if self.cut or self._rng.random() < self.air.loss:
+        if self._closed or self.cut or self._rng.random() < self.air.loss:
             return
         for _ in range(2 if self._rng.random() < self.air.duplicate else 1):
             late_s = self._rng.uniform(*self.air.delay_s) / self._clock.speedup
@@ -128,8 +129,14 @@ class FakeLink:
             self.say(message)
         self._set_timer()
 
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+
     def _set_timer(self) -> None:
-        self.close()
+        self._cancel_timer()
+        if self._closed:
+            return
         wake_s = self.vehicle.wake_s
         if wake_s is not None:
             left_s = max(0.0, wake_s - self._clock.now_s()) / self._clock.speedup

@@ -10,7 +10,7 @@ from typing import Any
 
 import httpx
 import pytest
-import tomli_w
+import tomlkit
 
 from executor.site import site_model
 from executor.site.site_model import SiteModel
@@ -84,7 +84,7 @@ def test_a_base_closes_and_a_spare_flies_what_it_leaves(autopilot: Autopilot, tm
     port, story = free_port(), Story()
     tables, ground = with_bases(autopilot, port, tmp_path)
     site, day, run = tmp_path / "site.toml", tmp_path / "day.json", tmp_path / "run"
-    site.write_text(tomli_w.dumps(tables))
+    site.write_text(tomlkit.dumps(tables))
     asyncio.run(planned(site, day))
     plan = json.loads(day.read_text())
     assert {one["vehicle"] for one in plan["routes"]} == {NORTH, SOUTH}, plan["routes"]

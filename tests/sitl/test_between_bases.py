@@ -10,7 +10,7 @@ from typing import Any
 
 import httpx
 import pytest
-import tomli_w
+import tomlkit
 
 from executor.site import site_model
 from executor.site.day_plans import build_day_problem
@@ -86,7 +86,7 @@ def test_two_vehicles_change_places_and_come_back(autopilot: Autopilot, tmp_path
         alt_m = frame.alt_m - (LOWER_M if name == "south" else 0.0)
         tables["base"].append({"name": name, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": alt_m, "vehicles": own})
     site, day, run = tmp_path / "site.toml", tmp_path / "day.json", tmp_path / "run"
-    site.write_text(tomli_w.dumps(tables))
+    site.write_text(tomlkit.dumps(tables))
     ground = site_model.load_site_model(check_site(tables, "test"), tmp_path)
     write_plan(day, plan_between(ground))
     stands = {name: ground.setup.pad_of(name) for name in (ONE, OTHER)}

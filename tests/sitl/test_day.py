@@ -14,7 +14,7 @@ import httpx
 import numpy as np
 import pytest
 import rasterio
-import tomli_w
+import tomlkit
 from affine import Affine
 
 from executor.site import site_model
@@ -120,7 +120,7 @@ def fly_a_day(autopilot: Autopilot, tmp_path: Path, more: dict[str, object]) -> 
     for vehicle in tables["vehicle"]:
         vehicle["budget_pct"] = BUDGET_PCT
     site, day, run = tmp_path / "site.toml", tmp_path / "day.json", tmp_path / "run"
-    site.write_text(tomli_w.dumps(tables))
+    site.write_text(tomlkit.dumps(tables))
     ground = site_model.load_site_model(content, tmp_path)
     pads = {pad.vehicle: pad for pad in ground.setup.pads}
     asyncio.run(planned(site, day))

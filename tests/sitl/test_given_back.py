@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import tomli_w
+import tomlkit
 
 from executor.site import site_model
 from tests.e2e.flights import called, ended, said_in
@@ -84,7 +84,7 @@ def test_after_a_flight_and_after_a_death(autopilot: Autopilot, tmp_path: Path) 
     story = Story(settings=CREWS_OWN[autopilot])
     content = site_of(autopilot, story)
     site, run, again = tmp_path / "site.toml", tmp_path / "run", tmp_path / "again"
-    site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
+    site.write_text(tomlkit.dumps(content.model_dump(exclude_none=True, mode="json")))
     ground = site_model.load_site_model(content, tmp_path)
     pads = {pad.vehicle: pad for pad in ground.setup.pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import tomli_w
+import tomlkit
 
 from executor.site import site_model
 from tests.e2e.flights import called, ended, interrupt, log_lines, said_in
@@ -86,7 +86,7 @@ def test_who_is_given_a_mission_as_the_operator_leaves_has_a_whole_one(autopilot
     story = Story(settings=NO_FAILSAFE[autopilot], relayed=NAMES)
     content = site_of(autopilot, story)
     site, run = tmp_path / "site.toml", tmp_path / "run"
-    site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
+    site.write_text(tomlkit.dumps(content.model_dump(exclude_none=True, mode="json")))
     ground = site_model.load_site_model(content, tmp_path)
     pads = {pad.vehicle: pad for pad in ground.setup.pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(NAMES))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
+import sys
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
@@ -383,6 +384,8 @@ class _SerialPort:
     """One opened serial port; reads and writes never wait."""
 
     def __init__(self, router: Router, connection: Connection) -> None:
+        if sys.platform == "win32":
+            raise OSError("a serial port is read on Linux and macOS (on Windows: WSL 2)")
         import serial
 
         self.lost = asyncio.Event()

@@ -74,6 +74,10 @@ export interface PageChart {
   assets: [number, number][];
   /** Of each segment. */
   names: string[];
+  /** Segments that are none of this flight. */
+  left_out: number[];
+  /** Segments in an area, or behind one. */
+  unreachable: number[];
   areas: PageArea[];
   segments_m: [[number, number], [number, number]][];
   vehicles: PageVehicle[];
@@ -96,6 +100,119 @@ export interface GroundDocument {
   photo: string | null;
   relief: HillshadePart | null;
   degrees: DegreesPart;
+}
+
+/** All that the page works on. */
+export interface WorkspaceAnswer {
+  /** Grows with every change of the site. */
+  revision: number;
+  /** The revision of which problems, network and ground are known; before that the problems are those of its keys. */
+  checked: number;
+  /** Where the page was started: files may be opened below it. */
+  folder: string;
+  site: SitePart | null;
+  /** What the site file says, without defaults. */
+  values: Record<string, any>;
+  problems: ProblemPart[];
+  /** What would be undone. */
+  undo: string | null;
+  redo: string | null;
+  network: NetworkPart | null;
+  /** The newest first. */
+  plans: PlanSummary[];
+  chosen: string | null;
+  /** The search under way, or the last one. */
+  job: JobPart | null;
+  /** Whether the planner is loaded: compiling it takes a while, once. */
+  warm: boolean;
+  /** Whether the site file says the same. */
+  saved: boolean;
+  save_error: string | null;
+  /** Browsers that follow the stream. */
+  tabs: number;
+  /** After an upload: the name that the file was kept under. */
+  uploaded: string | null;
+}
+
+/** The network as it was understood. */
+export interface NetworkAnswer {
+  digest: string;
+  source: string;
+  format: string;
+  crs: string;
+  has_depot: boolean;
+  frame: FramePart;
+  segments: SegmentPart[];
+  pylons: PylonPart[];
+  /** What was mended or found. */
+  remarks: string[];
+}
+
+/** What lies around the network. */
+export interface GroundAnswer {
+  depot: [number, number] | null;
+  pads: VehiclePadPart[];
+  bases: BasePart[];
+  places: PlacePart[];
+  alternates: PlacePart[];
+  areas: AreaPart[];
+  footprints: FootprintPart[];
+}
+
+/** A plan in full. */
+export interface PlanPart {
+  summary: PlanSummary;
+  vehicles: VehiclePart[];
+  uncovered: LeftPart[];
+  windows: LossWindow[];
+  /** What `faultline plan` prints of it. */
+  lines: string[];
+}
+
+/** What the others would fly. */
+export interface LossAnswer {
+  /** Of everybody: what was flown by then and what is new; nothing of the lost one. */
+  routes: VehiclePart[];
+  uncovered: LeftPart[];
+  /** Spans of the lost vehicle that others take. */
+  recovered: number;
+  /** Whether everything is inspected. */
+  complete: boolean;
+  /** That the answer took. */
+  seconds: number;
+}
+
+/** A plan that was changed by hand. */
+export interface ChangeAnswer {
+  plan: PlanPart;
+  /** Why it cannot be flown. */
+  violations: string[];
+  window_was: number | null;
+  window_is: number;
+}
+
+/** Whether a vehicle was heard. */
+export interface TryAnswer {
+  answers: boolean;
+  words: string;
+}
+
+/** A flight of this folder. */
+export interface FlightPart {
+  run: string;
+  running: boolean;
+  has_report: boolean;
+  report: FlightReportPart | null;
+}
+
+/** `flight` in report.html: what its map shows. */
+export interface ReportMap {
+  frame: ReportFrame | null;
+  segments: ReportSegment[];
+  areas: ReportArea[];
+  places: ReportPlace[];
+  vehicles: ReportVehicle[];
+  plans: ReportPlan[];
 }
 
 /** A re-plan under way. */
@@ -257,6 +374,232 @@ export interface DegreesPart {
   lon_deg: number[];
 }
 
+/** The site file. */
+export interface SitePart {
+  path: string;
+  name: string;
+  text: string;
+}
+
+/** What is wrong with the site. */
+export interface ProblemPart {
+  /** The key that it is about, where that is known. */
+  path: (string | number)[] | null;
+  /** As the command line says it. */
+  message: string;
+}
+
+/** The network of the site. */
+export interface NetworkPart {
+  /** Another one where `GET /api/network` answers with something else. */
+  digest: string;
+  segments: number;
+}
+
+/** A plan in a list. */
+export interface PlanSummary {
+  id: string;
+  /** The file that is flown, of the chosen plan. */
+  file: string | null;
+  /** Whether the site says something else now than when it was made. */
+  stale: boolean;
+  kind: "flight" | "day";
+  longest_s: number;
+  /** Of each vehicle; of days all its sorties together. */
+  energy_pct: Record<string, number>;
+  window_pct: number | null;
+  window_from_s: number | null;
+  /** The loss just before the window that has no re-plan. */
+  breaking: BreakingLoss | null;
+  /** Segments that nobody flies. */
+  uncovered: number;
+  /** What it was chosen by. */
+  cost: string;
+  value: number;
+  /** That the search took. */
+  seconds: number;
+  /** When the last vehicle is home. */
+  finish_s: number;
+}
+
+/** A search for plans. */
+export interface JobPart {
+  id: string;
+  kind: "plan" | "front" | "day" | "left";
+  state: "running" | "done" | "cancelled" | "failed";
+  elapsed_s: number;
+  limit_s: number;
+  /** Of the best plan so far; null until there is one. */
+  value: number | null;
+  /** Segments that it leaves out. */
+  uncovered: number | null;
+  /** By how much it is better than the first plan that left as few out. */
+  better_pct: number | null;
+  /** When that one was found. */
+  since_s: number | null;
+  /** When something better was found last. */
+  improved_s: number | null;
+  error: string | null;
+  /** The ids of those that it made. */
+  plans: string[];
+}
+
+/** Where local metres begin: the depot. */
+export interface FramePart {
+  lat_deg: number;
+  lon_deg: number;
+  alt_m: number;
+}
+
+/** A span. */
+export interface SegmentPart {
+  id: number;
+  name: string;
+  a: [number, number];
+  b: [number, number];
+  line: string;
+  length_m: number;
+  /** By the site. */
+  left_out: boolean;
+  /** Why no flight can inspect it. */
+  unreachable: string | null;
+}
+
+/** A pylon. */
+export interface PylonPart {
+  name: string;
+  place: [number, number];
+  height_m: number | null;
+  elevation_m: number | null;
+}
+
+/** Where a vehicle stands. */
+export interface VehiclePadPart {
+  vehicle: string;
+  place: [number, number];
+}
+
+/** A base of a day. */
+export interface BasePart {
+  name: string;
+  place: [number, number];
+  vehicles: string[];
+}
+
+/** A place of the site file. */
+export interface PlacePart {
+  name: string;
+  kind: "pad" | "alternate";
+  place: [number, number];
+}
+
+/** An area that flights keep out of, or low in. */
+export interface AreaPart {
+  /** Of its table in the site file. */
+  index: number;
+  name: string | null;
+  kind: "no-fly" | "corridor" | "height-limit";
+  rings: [number, number][][];
+  margin_m: number | null;
+  from_file: boolean;
+}
+
+/** What one picture in the middle of a span shows. */
+export interface FootprintPart {
+  segment: number;
+  camera: string;
+  every_m: number;
+  ring: [number, number][];
+}
+
+/** A vehicle of a plan. */
+export interface VehiclePart {
+  name: string;
+  budget_pct: number;
+  routes: RoutePart[];
+  /** Of its first sortie: metres flown, metres up from the depot, and the ground's, where a raster knows it. */
+  profile: ([number, number, number | null])[];
+}
+
+/** A span that nobody flies. */
+export interface LeftPart {
+  segment: number;
+  name: string;
+  why: string;
+}
+
+/** From when on a vehicle may be lost for good, and everything is still inspected by the end of the last day. */
+export interface LossWindow {
+  vehicle: string;
+  /** Seconds from the first midnight; 0 if at any time. */
+  from_s: number;
+  /** Its last sortie, counted from 0, whose loss no re-plan was found for. */
+  breaks: number | null;
+}
+
+/** What a flight came to. */
+export interface FlightReportPart {
+  finished: boolean;
+  inspected: number;
+  total: number;
+  uncovered: string[];
+  duration_s: number;
+  lost: string[];
+}
+
+/** Where the local metres begin. */
+export interface ReportFrame {
+  lat_deg: number;
+  lon_deg: number;
+}
+
+/** A segment on a report's map. */
+export interface ReportSegment {
+  name: string;
+  ends_m: [[number, number], [number, number]];
+  /** As the map has them: done, inferred, missed, left-over, left-out or unreachable. */
+  state: string;
+  /** Who inspected it. */
+  by: string | null;
+  /** When that was; empty where it is not known. */
+  at: string;
+  /** Whose it was by the first plan. */
+  planned: string | null;
+  /** Whether a vehicle that was lost had left it. */
+  taken_over: boolean;
+}
+
+/** What flights keep out of. */
+export interface ReportArea {
+  name: string;
+  limit: boolean;
+  outlines_m: [number, number][][];
+}
+
+/** Where vehicles may land beside their pads. */
+export interface ReportPlace {
+  /** base or alternate. */
+  kind: string;
+  name: string;
+  place_m: [number, number];
+}
+
+/** A vehicle on a report's map. */
+export interface ReportVehicle {
+  name: string;
+  pad_m: [number, number];
+  /** Its track in pieces: nothing was heard between them. */
+  flown_m: [number, number][][];
+  lost: ReportLoss | null;
+  end: ReportEnd | null;
+}
+
+/** The first plan, or a re-plan. */
+export interface ReportPlan {
+  name: string;
+  routes: ReportRoute[];
+}
+
 /** Where a vehicle is. */
 export interface PositionView {
   lat_deg: number;
@@ -396,6 +739,39 @@ export interface GroundHeightsPart {
   metres: (number | null)[];
 }
 
+/** A sortie. */
+export interface RoutePart {
+  sortie: number;
+  day: number;
+  start_s: number;
+  duration_s: number;
+  energy_pct: number;
+  visits: VisitPart[];
+  /** Corners of the way, straight between: seconds, latitude, longitude, metres up from the depot, battery in percent. Of days seconds from the first midnight. */
+  track: [number, number, number, number, number][];
+}
+
+/** A vehicle that was lost. */
+export interface ReportLoss {
+  /** Where it was by GPS last. */
+  place_m: [number, number];
+  at: string;
+  why: string;
+}
+
+/** A vehicle that is not at home. */
+export interface ReportEnd {
+  /** Where it was heard last. */
+  place_m: [number, number];
+  state: string;
+}
+
+/** A route of a plan. */
+export interface ReportRoute {
+  vehicle: string;
+  way_m: [number, number][];
+}
+
 /** A place of a vehicle, and how fast it was there. */
 export interface PlaceView {
   lat_deg: number;
@@ -406,4 +782,13 @@ export interface PlaceView {
   age_s: number;
   /** By so much it may be off; a reckoned one by this or more. */
   accuracy_m: number | null;
+}
+
+/** A span of a route. */
+export interface VisitPart {
+  segment: number;
+  /** From its b to its a. */
+  reversed: boolean;
+  from_s: number;
+  to_s: number;
 }

@@ -91,6 +91,10 @@ class PageChart(TypedDict):
     """Segments, and how many pictures each asks for."""
     names: list[str]
     """Of each segment."""
+    left_out: list[int]
+    """Segments that are none of this flight."""
+    unreachable: list[int]
+    """Segments in an area, or behind one."""
     areas: list[PageArea]
     segments_m: list[tuple[Place, Place]]
     vehicles: list[PageVehicle]
@@ -183,6 +187,7 @@ class WebSnapshot:
         state, _ = self._now()
         setup = place_vehicles(self._context, state.vehicles.values()).setup
         pads = {name: setup.landing_pad_of(name) for name in self._context.vehicles}
+        never = {one.segment for one in self._context.unreachable}
         return _encode_json(
             PageChart(
                 chart=_compute_route_stamp(state),
@@ -190,6 +195,8 @@ class WebSnapshot:
                 pictures=bool(setup.looks),
                 assets=[(segment, sum(most.values())) for segment, most in self._asked.items()],
                 names=[self._context.segment_name(segment.id) for segment in setup.network.segments],
+                left_out=[one.id for one in setup.network.segments if one.id not in self._context.wanted | never],
+                unreachable=sorted(never),
                 areas=[
                     PageArea(
                         name=area.name,

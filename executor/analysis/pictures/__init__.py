@@ -17,7 +17,7 @@ from executor.analysis.pictures.chart_figures import (
     draw_profile_figure,
     draw_risk_figure,
 )
-from executor.analysis.pictures.map_figures import draw_flight_figure, draw_network_figure, draw_plan_figure
+from executor.analysis.pictures.map_figures import draw_network_figure, draw_plan_figure
 from executor.analysis.pictures.style import DPI
 from missions.files import write_whole
 

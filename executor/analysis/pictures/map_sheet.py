@@ -1,4 +1,4 @@
-"""A sheet of maps: panels of one scale, what lies below them, where words go, a title and a legend."""
+"""A sheet with a map: its scale, what lies below it, where words go, a title and a legend."""
 
 from __future__ import annotations
 
@@ -107,21 +107,19 @@ PANEL_TITLE_IN = 0.3
 LEGEND_ROW_IN = 0.21
 LEGEND_COLUMNS = 5
 STRIP_IN = 0.45
-"""Below the map of each panel, for scale and north: they cover nothing."""
+"""Below the map, for scale and north: they cover nothing."""
 HEIGHTS_IN = (3.0, 8.0)
-"""The least and the greatest height of a panel's map."""
-WIDE = 2.2
-"""Maps wider than so many times their height are put above each other."""
+"""The least and the greatest height of the map."""
 ROOM = 0.07
 """Around what is drawn, for words."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSheet:
-    """The figure and its panels, with the scale that they share."""
+    """The figure and its map, with the scale."""
 
     figure: Figure
-    panels: tuple[Axes, ...]
+    axes: Axes
     m_per_in: float
     low_m: Place
     """South-western corner of what may hold words; the strip for the scale lies below."""
@@ -130,57 +128,46 @@ class MapSheet:
     """Whether the ground is drawn below: what is over it needs an edge."""
 
 
-def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], handles: Sequence[Artist]) -> MapSheet:
-    """Return empty panels that show (n, 2) places, and below all of them the legend."""
+def make_sheet(shown_m: FloatArray, title: str, name: str, handles: Sequence[Artist]) -> MapSheet:
+    """Return an empty map, with a name, that shows (n, 2) places, and below it the legend."""
     low, high = shown_m.min(axis=0), shown_m.max(axis=0)
     # A line due east has no height of its own.
     size = np.maximum(high - low, 0.25 * float(max(high - low)) + 1.0)
     middle = (low + high) / 2.0
     size *= 1.0 + 2.0 * ROOM
-    beside = len(panels) if size[0] < WIDE * size[1] else 1
-    rows = math.ceil(len(panels) / beside)
-    width_in = (WIDTH_IN - MARGIN_IN * (beside + 1)) / beside
+    width_in = WIDTH_IN - 2.0 * MARGIN_IN
     height_in = min(max(width_in * size[1] / size[0], HEIGHTS_IN[0]), HEIGHTS_IN[1])
     m_per_in = float(max(size[0] / width_in, size[1] / height_in))
     half = m_per_in * np.array([width_in, height_in]) / 2.0
     low, high = middle - half, middle + half
 
     legend_in = LEGEND_ROW_IN * math.ceil(len(handles) / LEGEND_COLUMNS) + MARGIN_IN
-    row_in = PANEL_TITLE_IN + height_in + STRIP_IN + MARGIN_IN
-    total_in = TITLE_IN + rows * row_in + legend_in
+    total_in = TITLE_IN + PANEL_TITLE_IN + height_in + STRIP_IN + MARGIN_IN + legend_in
+    bottom_in = legend_in + MARGIN_IN
     figure = make_figure(total_in, title)
-    made = []
-    for index, name in enumerate(panels):
-        row, column = divmod(index, beside)
-        left_in = MARGIN_IN + column * (width_in + MARGIN_IN)
-        bottom_in = total_in - TITLE_IN - row * row_in - PANEL_TITLE_IN - height_in - STRIP_IN
-        axes = figure.add_axes(
-            (left_in / WIDTH_IN, bottom_in / total_in, width_in / WIDTH_IN, (height_in + STRIP_IN) / total_in)
-        )
-        axes.set_xlim(low[0], high[0])
-        axes.set_ylim(low[1] - STRIP_IN * m_per_in, high[1])
-        axes.set_xticks([])
-        axes.set_yticks([])
-        for spine in axes.spines.values():
-            spine.set_color("#cccccc")
-        axes.set_title(name, loc="left", fontsize=11, color=INK)
-        _draw_scale_and_north(axes, m_per_in)
-        made.append(axes)
+    axes = figure.add_axes(
+        (MARGIN_IN / WIDTH_IN, bottom_in / total_in, width_in / WIDTH_IN, (height_in + STRIP_IN) / total_in)
+    )
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1] - STRIP_IN * m_per_in, high[1])
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_color("#cccccc")
+    axes.set_title(name, loc="left", fontsize=11, color=INK)
+    _draw_scale_and_north(axes, m_per_in)
     figure.legend(
         handles=handles, loc="lower center", ncols=LEGEND_COLUMNS, frameon=False, fontsize=9, borderaxespad=0.3,
         handlelength=3.2, columnspacing=1.6,
     )  # fmt: skip
-    return MapSheet(figure, tuple(made), m_per_in, (float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+    return MapSheet(figure, axes, m_per_in, (float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
 
 
-def draw_ground(axes: Axes, ends_m: FloatArray, pads_m: Sequence[Place]) -> None:
-    """Draw the (n, 2, 2) segments thin and grey with their pylons as dots, the depot and the pads."""
+def draw_ground(axes: Axes, ends_m: FloatArray) -> None:
+    """Draw the (n, 2, 2) segments thin and grey with their pylons as dots, and the depot."""
     axes.add_collection(LineCollection(list(ends_m), colors=FAINT, linewidths=0.9, zorder=1), autolim=False)
     pylons = np.unique(np.round(ends_m.reshape(-1, 2), 2), axis=0)
     axes.plot(pylons[:, 0], pylons[:, 1], ls="", marker="o", ms=2.6, color="#555555", zorder=6)
-    if pads_m:
-        east, north = zip(*pads_m, strict=True)
-        axes.plot(east, north, ls="", marker="s", ms=4.5, mfc=PAPER, mec=INK, mew=0.9, zorder=7)
     axes.plot([0.0], [0.0], ls="", marker="*", ms=13, mfc=INK, mec=PAPER, mew=0.8, zorder=8)
 
 
@@ -252,25 +239,24 @@ LETTERS_PER_IN = 15.0
 
 
 def draw_below(sheet: MapSheet, view: GroundView | None, areas: Iterable[Area]) -> MapSheet:
-    """Draw areas, and what is known of the ground, below all panels; returns the sheet as it is then."""
-    for axes in sheet.panels:
-        _draw_areas(axes, areas)
+    """Draw areas, and what is known of the ground, below the map; returns the sheet as it is then."""
+    axes = sheet.axes
+    _draw_areas(axes, areas)
     if view is None or (view.background is None and view.relief is None):
         return sheet
-    for axes in sheet.panels:
-        limits = axes.get_xlim(), axes.get_ylim()
-        clip = Rectangle(sheet.low_m, sheet.high_m[0] - sheet.low_m[0], sheet.high_m[1] - sheet.low_m[1])
-        clip.set_transform(axes.transData)
-        for artist in _draw_pictures(axes, view):
-            artist.set_clip_path(clip)
-        if view.background is not None:
-            veil = Rectangle(clip.get_xy(), clip.get_width(), clip.get_height(), fc=PAPER, ec="none", alpha=VEIL)
-            axes.add_patch(veil).set_zorder(BEHIND + 1.0)
-        if view.relief is not None:
-            _draw_contours(axes, sheet, view.relief.contours)
-        _draw_attribution(axes, sheet, describe_ground(view))
-        axes.set_xlim(limits[0])
-        axes.set_ylim(limits[1])
+    limits = axes.get_xlim(), axes.get_ylim()
+    clip = Rectangle(sheet.low_m, sheet.high_m[0] - sheet.low_m[0], sheet.high_m[1] - sheet.low_m[1])
+    clip.set_transform(axes.transData)
+    for artist in _draw_pictures(axes, view):
+        artist.set_clip_path(clip)
+    if view.background is not None:
+        veil = Rectangle(clip.get_xy(), clip.get_width(), clip.get_height(), fc=PAPER, ec="none", alpha=VEIL)
+        axes.add_patch(veil).set_zorder(BEHIND + 1.0)
+    if view.relief is not None:
+        _draw_contours(axes, sheet, view.relief.contours)
+    _draw_attribution(axes, sheet, describe_ground(view))
+    axes.set_xlim(limits[0])
+    axes.set_ylim(limits[1])
     return replace(sheet, busy=True)
 
 

@@ -65,8 +65,3 @@ def make_figure(height_in: float, title: str, below: str = "") -> Figure:
 def make_white_edge(width_pt: float) -> list[AbstractPathEffect]:
     """Return the effect of a white edge about a line or a text, so that it stands off what lies beneath."""
     return [Stroke(linewidth=width_pt, foreground=PAPER), Normal()]
-
-
-def make_dark_edge(width_pt: float) -> list[AbstractPathEffect]:
-    """Return the effect of a dark edge about a line of a width."""
-    return [Stroke(linewidth=width_pt + 2.0, foreground=INK), Normal()]

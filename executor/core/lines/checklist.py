@@ -12,6 +12,10 @@ FIRMWARE_UNKNOWN = ChecklistLine(WARNING, CheckCode.FIRMWARE, "{firmware}; fault
 FIRMWARE_OLD = ChecklistLine(
     WARNING, CheckCode.FIRMWARE, "{firmware}, which is older than {oldest}; faultline is tested with {tested}"
 )
+FIRMWARE_NEW = ChecklistLine(
+    WARNING, CheckCode.FIRMWARE,
+    "{firmware}, newer than {newest}: what its parameters mean may have changed; faultline is tested with {tested}",
+)  # fmt: skip
 VEHICLE_TYPE = ChecklistLine(STOP, CheckCode.VEHICLE_TYPE, "HEARTBEAT type is {type}, expected a multicopter")
 AUTOPILOT = ChecklistLine(STOP, CheckCode.AUTOPILOT, "HEARTBEAT autopilot is {autopilot}, expected {name} ({number})")
 DOUBLE_SYSID = ChecklistLine(STOP, CheckCode.DOUBLE_SYSID, "{found}")

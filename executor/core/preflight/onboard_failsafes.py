@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from executor.core.interface.messages import Version
-from missions import BatteryLevel, Dialect, ThresholdUnit, Words
+from missions import BatteryLevel, Dialect, ThresholdUnit, Words, find_name_on_board
 
 Parameters = Mapping[str, float]
 """What a vehicle answered, by name; a parameter that it does not have is missing."""
@@ -16,7 +16,7 @@ UNKNOWN = "unknown action"
 def list_preflight_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return every parameter that the checks before the flight read."""
     return select_names(
-        *link_names(dialect), *dialect.ground_station_failsafe.station_sysid[:1], *battery_names(dialect),
+        *link_names(dialect), dialect.ground_station_failsafe.station_sysid, *battery_names(dialect),
         *fence_names(dialect), *(tuning.parameter for tuning in dialect.tunings), *dialect.pack_parameters,
     )  # fmt: skip
 
@@ -44,12 +44,6 @@ def fence_names(dialect: Dialect) -> tuple[str, ...]:
     rule = dialect.geofence
     kinds = () if rule.kinds is None else rule.kinds[:1]
     return select_names(*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)
-
-
-def list_older_parameters(dialect: Dialect, known: Collection[str]) -> tuple[str, ...]:
-    """Return the older names of a parameter that a vehicle does not have by its newest; nothing if it does."""
-    stations = dialect.ground_station_failsafe.station_sysid
-    return () if any(name in known for name in stations) else stations[1:]
 
 
 def describe_action(actions: Words, value: float) -> str:
@@ -118,10 +112,9 @@ def describe_unread_parameters(names: Collection[str]) -> str:
 
 def find_watched_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
     """Return the parameter that says whose heartbeats count, and its value; None if anybody's do or nobody knows."""
-    for name in dialect.ground_station_failsafe.station_sysid:
-        if name in parameters:
-            return name, int(parameters[name])
-    return None
+    first = dialect.ground_station_failsafe.station_sysid
+    name = None if first is None else find_name_on_board(dialect, first, parameters)
+    return None if name is None or name not in parameters else (name, int(parameters[name]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,15 +128,25 @@ class BatteryAction:
     """Whether this program knows what the value of its parameter means."""
 
 
-def list_battery_actions(dialect: Dialect, parameters: Parameters) -> list[BatteryAction]:
-    """Return what a vehicle does by itself on a low battery, level by level; empty if it does nothing."""
+def list_battery_actions(
+    dialect: Dialect, parameters: Parameters, version: Version | None = None
+) -> list[BatteryAction]:
+    """Return what a vehicle does by itself on a low battery, level by level; empty if it does nothing.
+
+    Args:
+        dialect: The vehicle's autopilot.
+        parameters: What it answered.
+        version: Of its firmware; None if that is not known.
+    """
     failsafe = dialect.battery_failsafe
     capacity_mah = parameters.get(failsafe.capacity, 0.0) if failsafe.capacity is not None else 0.0
-    actions = [_read_battery_action(level, parameters, capacity_mah) for level in failsafe.levels]
+    actions = [_read_battery_action(level, parameters, capacity_mah, version) for level in failsafe.levels]
     return [action for action in actions if action is not None]
 
 
-def _read_battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: float) -> BatteryAction | None:
+def _read_battery_action(
+    level: BatteryLevel, parameters: Parameters, capacity_mah: float, version: Version | None
+) -> BatteryAction | None:
     action = parameters.get(level.action, 0.0)
     if action == 0:
         return None
@@ -162,24 +165,24 @@ def _read_battery_action(level: BatteryLevel, parameters: Parameters, capacity_m
         limits.append(f"{volts:g} V")
     if not limits:
         return None  # an action without a threshold is never taken
-    does = describe_action(level.actions, action)
+    does, since = describe_action(level.actions, action), level.since.get(int(action))
+    if since is not None and (version is None or (version.major, version.minor) < since):
+        does = UNKNOWN  # it may be a firmware to which this value says nothing
     words = f"{does} below {' or '.join(limits)} ({level.action}={action:g})"
     return BatteryAction(below_pct, words, known=does != UNKNOWN)
 
 
-def list_early_returns(dialect: Dialect, parameters: Parameters, version: Version | None) -> list[str]:
+def list_early_returns(dialect: Dialect, parameters: Parameters) -> list[str]:
     """Return in words what may end a mission before any level of the battery is reached; empty if nothing does."""
     found = []
     for rule in dialect.battery_failsafe.early:
         value = parameters.get(rule.action)
-        older = rule.since is not None and version is not None and (version.major, version.minor) < rule.since
-        if value is None or int(value) in rule.nothing or older:
+        if value is None or int(value) in rule.nothing or rule.without in parameters:
             continue
         does, setting = describe_action(rule.actions, value), f"{rule.action}={value:g}"
-        if rule.since is not None and does == UNKNOWN:
+        if rule.without is not None and does == UNKNOWN:
             continue  # the level's own line says so
-        may = " from " + ".".join(map(str, rule.since)) + " on" if rule.since is not None and version is None else ""
-        found.append(f"{does} as soon as its time left in the air is only just enough to come home ({setting}){may}")
+        found.append(f"{does} as soon as its time left in the air is only just enough to come home ({setting})")
     return found
 
 

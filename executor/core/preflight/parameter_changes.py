@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from executor.core.context import Context, VehicleSetup
+from executor.core.formatting import format_count
 from executor.core.interface.codes import Check
 from executor.core.interface.messages import ParamValue
 from executor.core.lines import checklist
@@ -17,7 +18,14 @@ from executor.core.preflight.onboard_failsafes import (
     describe_unread_parameters,
     select_names,
 )
-from missions import Dialect, MissionItem, MissionKind, ReturnParameters, max_return_height_m
+from missions import (
+    Dialect,
+    MissionItem,
+    MissionKind,
+    find_name_on_board,
+    list_other_names,
+    max_return_height_m,
+)
 from missions.fences import find_list_differences
 
 Value = TypeVar("Value")
@@ -157,7 +165,7 @@ class KeptList(BoardChange[Items]):
     @property
     def words(self) -> str:
         """What is restored, for the crew to confirm."""
-        items = f"{len(self.old)} item{'s' if len(self.old) != 1 else ''}" if self.old else "none"
+        items = format_count(len(self.old), "item") if self.old else "none"
         return f"{self.vehicle}: {self.words_open} -> {items}, as before the flight"
 
     @property
@@ -276,12 +284,6 @@ def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
     return select_names(rule.height, rule.cone, rule.descend_height, rule.descend_wait)
 
 
-def list_newer_return_parameters(dialect: Dialect, present: Present) -> tuple[str, ...]:
-    """Return what else it is asked for: the name of its height in newer firmware, where the older is not known."""
-    rule = dialect.return_parameters
-    return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
-
-
 def propose_return_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
     """Return what must be set so that every vehicle comes home by itself clear of the others.
 
@@ -343,10 +345,10 @@ def _propose_for_vehicle(
 ) -> tuple[list[KeptParameter], Check]:
     setup, wanted_m = context.vehicles[vehicle], context.return_height_m(vehicle)
     rule = setup.dialect.return_parameters
-    name, unit_m = find_height_parameter(rule, said)
+    name, unit_m = find_height_parameter(setup.dialect, said)
     known = said.get(name)
     if known is None:
-        names = " or ".join(one for one in (rule.height, rule.newer_height) if one is not None)
+        names = " or ".join((rule.height, *list_other_names(setup.dialect, [rule.height])))
         return [], checklist.RTL_UNKNOWN.say(vehicle, names=names)
     is_m = known.value * unit_m
     most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
@@ -372,7 +374,7 @@ def check_return_height(context: Context, vehicle: str, proposal: ParameterPropo
         ends: By name, why a parameter is not as wanted; empty where it is.
     """
     said, wanted_m = proposal.present[vehicle], context.return_height_m(vehicle)
-    name, unit_m = find_height_parameter(context.vehicles[vehicle].dialect.return_parameters, said)
+    name, unit_m = find_height_parameter(context.vehicles[vehicle].dialect, said)
     problems = "; ".join(problem for problem in ends.values() if problem)
     new = next((change.new for change in proposal.changes_of(vehicle) if change.name == name), said[name].value)
     height_m = round((said[name].value if ends.get(name) else new) * unit_m, 1)
@@ -380,11 +382,11 @@ def check_return_height(context: Context, vehicle: str, proposal: ParameterPropo
     return line.say(vehicle, height_m=height_m, name=name, wanted_m=wanted_m, problems=problems)
 
 
-def find_height_parameter(rule: ReturnParameters, said: Present) -> tuple[str, float]:
+def find_height_parameter(dialect: Dialect, said: Present) -> tuple[str, float]:
     """Return the parameter that holds the height of a vehicle's RTL, and its unit in metres."""
-    if rule.newer_height is not None and rule.height not in said and rule.newer_height in said:
-        return rule.newer_height, 1.0
-    return rule.height, rule.unit_m
+    rule = dialect.return_parameters
+    name = find_name_on_board(dialect, rule.height, said)
+    return name, rule.unit_m if name == rule.height else rule.unit_m / dialect.other_names[rule.height].unit
 
 
 def _round_up_height(height_m: float, unit_m: float, kind: int) -> float:

@@ -23,7 +23,17 @@ from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
 from executor.core.radio_budget import UNMEASURED, LinkMeasures
 from executor.core.telemetry import vehicle_identity
 from executor.core.telemetry.vehicle_identity import describe_foreign_system
-from missions import Dialect, Estimate, FlightPath, check_separation, estimate, margin_m
+from missions import (
+    Dialect,
+    Estimate,
+    FlightPath,
+    add_first_names,
+    check_separation,
+    estimate,
+    find_name_on_board,
+    list_other_names,
+    margin_m,
+)
 
 RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
@@ -158,12 +168,15 @@ def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
 
 
 def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
-    line, oldest = checklist.FIRMWARE, ".".join(map(str, dialect.oldest_version))
+    line = checklist.FIRMWARE
+    oldest, newest = (".".join(map(str, one)) for one in (dialect.oldest_version, dialect.newest_version))
     if facts.version is None:
         line = checklist.FIRMWARE_UNKNOWN
     elif (facts.version.major, facts.version.minor) < dialect.oldest_version:
         line = checklist.FIRMWARE_OLD
-    return line.say(facts.name, firmware=facts.words, oldest=oldest, tested=dialect.tested_version)
+    elif (facts.version.major, facts.version.minor) > dialect.newest_version:
+        line = checklist.FIRMWARE_NEW
+    return line.say(facts.name, firmware=facts.words, oldest=oldest, newest=newest, tested=dialect.tested_version)
 
 
 def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
@@ -189,7 +202,8 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = mes
         dialect: Of its autopilot.
         ours: Our own system number.
     """
-    names = dialect.ground_station_failsafe.station_sysid
+    first = dialect.ground_station_failsafe.station_sysid
+    names = () if first is None else (first, *list_other_names(dialect, [first]))
     what = "whose HEARTBEATs its GCS failsafe watches is"
     found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
     counted = onboard_failsafes.find_watched_station(dialect, facts.parameters)
@@ -251,7 +265,7 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
     names = onboard_failsafes.battery_names(dialect)
     if unread := facts.check_parameters_read(names, "battery failsafe", CheckCode.BATTERY_FAILSAFE):
         return unread
-    does = onboard_failsafes.list_battery_actions(dialect, facts.parameters)
+    does = onboard_failsafes.list_battery_actions(dialect, facts.parameters, facts.version)
     levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
     absent = [name for name in levels if name not in facts.parameters]
     settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
@@ -263,7 +277,7 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
         actions += checklist.FAILSAFE_LACKS.format(absent=", ".join(absent)) if absent else ""
     severity = None if known else Severity.WARNING
     found = [line.say(facts.name, severity, settings=settings, actions=actions)]
-    early = onboard_failsafes.list_early_returns(dialect, facts.parameters, facts.version)
+    early = onboard_failsafes.list_early_returns(dialect, facts.parameters)
     found += [checklist.RETURNS_EARLY.say(facts.name, action=words) for words in early]
     return found + [
         checklist.ACTS_IN_FLIGHT.say(facts.name, action=action.words, left_pct=left_pct)
@@ -308,9 +322,11 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say where it is not known how fast a vehicle flies: its times and its energy are planned by that."""
     names = [tuning.parameter for tuning in dialect.tunings]
-    if unread := facts.check_parameters_read(names, "how it flies is", CheckCode.ENERGY):
+    asked = (*names, *list_other_names(dialect, names))
+    if unread := facts.check_parameters_read(asked, "how it flies is", CheckCode.ENERGY):
         return unread
-    absent = [name for name in names if name not in facts.parameters]
+    known = add_first_names(dialect, facts.parameters)
+    absent = [name for name in names if name not in known]
     if not absent:
         return []
     return [checklist.TIMES_BY_DEFAULT.say(facts.name, names=", ".join(absent), tested=dialect.tested_version)]
@@ -323,12 +339,14 @@ def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
 
 def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
-    names = list_terrain_parameters(dialect)
-    if unread := facts.check_parameters_read(names, "whether it follows the ground is", CheckCode.TERRAIN):
+    names, known = list_terrain_parameters(dialect), facts.parameters
+    asked = (*names, *list_other_names(dialect, names))
+    if unread := facts.check_parameters_read(asked, "whether it follows the ground is", CheckCode.TERRAIN):
         return unread
-    set_ = [rule for rule in dialect.terrain if facts.parameters.get(rule.parameter)]
-    on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
-    setting = {rule: f"{rule.parameter} {facts.parameters[rule.parameter]:g}" for rule in set_}
+    on_board = {rule: find_name_on_board(dialect, rule.parameter, known) for rule in dialect.terrain}
+    set_ = [rule for rule, name in on_board.items() if known.get(name)]
+    on = [rule for rule in set_ if int(known[on_board[rule]]) in rule.on]
+    setting = {rule: f"{on_board[rule]} {known[on_board[rule]]:g}" for rule in set_}
     follows, unknown, name = checklist.TERRAIN_FOLLOWED, checklist.TERRAIN_UNKNOWN, facts.name
     found = [follows.say(name, setting=setting[rule], meaning=rule.words) for rule in on if rule.in_flight]
     found += [unknown.say(name, setting=setting[rule]) for rule in set_ if rule not in on]

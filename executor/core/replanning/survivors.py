@@ -35,9 +35,13 @@ def find_barred_segments(context: Context, fleet: FleetState, vehicle: VehicleSt
 
     It has no camera that does what they, or a day, ask for, or another one alone flies them.
     """
+    return find_blind_segments(context, vehicle) | find_locked_segments(context, fleet, vehicle)
+
+
+def find_blind_segments(context: Context, vehicle: VehicleState) -> frozenset[int]:
+    """Return the segments that a vehicle has no camera for, as they, or a day, ask for it."""
     by_day = frozenset[int]() if context.day is None else context.day.barred.get(vehicle.name, frozenset())
-    blind = context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
-    return blind | find_locked_segments(context, fleet, vehicle)
+    return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
 
 
 def find_locked_segments(context: Context, fleet: FleetState, vehicle: VehicleState) -> frozenset[int]:

@@ -213,6 +213,8 @@ EVENTS: Mapping[str, ActingFailsafe | OwnFailsafe | ModeChange | Mapping[int, Ow
     "check_failure_detector_alt": OwnFailsafe("attitude", True, "failure detector: height"),
     "check_failure_detector_ext": OwnFailsafe("other", True, "failure detector: external system"),
     "check_failure_detector_motor": OwnFailsafe("motor", True, "failure detector: motor"),
+    "check_motor_overcurrent": OwnFailsafe("motor", True, "failure detector: a motor draws too much"),
+    "check_motor_undercurrent": OwnFailsafe("motor", True, "failure detector: a motor draws too little"),
     "check_failure_detector_imbalanced_prop": OwnFailsafe("motor", True, "failure detector: imbalanced propeller"),
     "check_system_flight_term_active": OwnFailsafe("other", True, "flight termination active"),
     "commander_disarmed_by": DISARMED_BY,
@@ -221,7 +223,7 @@ EVENTS: Mapping[str, ActingFailsafe | OwnFailsafe | ModeChange | Mapping[int, Ow
     "mission_finished": ModeChange(None, Actor.MISSION),
     "mission_finished_loiter": ModeChange(None, Actor.MISSION),
 })  # fmt: skip
-"""By their names in PX4 1.13 to 1.17."""
+"""By their names in PX4 1.13 to 1.18."""
 _BY_NUMBER = MappingProxyType({compute_event_id(name): said for name, said in EVENTS.items()})
 
 

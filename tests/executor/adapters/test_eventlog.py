@@ -278,12 +278,17 @@ def test_a_log_of_a_newer_version_is_refused(tmp_path: Path) -> None:
         list(read_events(path, lambda _: None))
 
 
+@pytest.mark.parametrize("system", ["Linux", "macOS"])
 @pytest.mark.asyncio
 async def test_who_waits_for_the_disk_waits_once_for_all_that_was_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    system: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     synced: list[int] = []
-    monkeypatch.setattr(os, "fdatasync", lambda fd: synced.append(os.fstat(fd).st_size))
+    if system == "macOS":
+        monkeypatch.delattr(os, "fdatasync")
+    monkeypatch.setattr(
+        os, "fdatasync" if system == "Linux" else "fsync", lambda fd: synced.append(os.fstat(fd).st_size)
+    )
     path = tmp_path / "events.jsonl"
     log = EventLog(path, began_unix_s=0.0, speedup=1.0)
     log.write(Tick(), 1.0)

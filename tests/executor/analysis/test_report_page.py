@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from base64 import b64encode
 from dataclasses import replace
+from hashlib import sha256
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from executor.adapters.templates import inline_script
 from executor.analysis.documents import FlightReport, LastFix, LastPosition, LegRow, RadioRow, RouteRow, SortieRow
 from executor.analysis.flight_record import DecisionLine, FlightRecord, PlanRevision, read_run
 from executor.analysis.report_page import describe_outcome, render_report_page, write_report_page
@@ -30,12 +34,18 @@ class _Reader(HTMLParser):
         self.texts: list[tuple[str, str]] = []
         self.links: list[str] = []
         self.classes: dict[str, str] = {}
+        self.policies: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.add(tag)
         self.links += [value or "" for name, value in attrs if name in {"src", "href"}]
         if tag not in EMPTY:
             self.open.append(tag)
+        self.policies += [
+            value or ""
+            for name, value in attrs
+            if name == "content" and ("http-equiv", "content-security-policy") in attrs
+        ]
         kind = dict(attrs).get("class")
         if tag == "tr" and kind:
             self.classes[f"row {len(self.texts)}"] = kind
@@ -148,11 +158,34 @@ def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, FlightRe
 
 def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, FlightReport], tmp_path: Path) -> None:
     record, report = flight
-    (tmp_path / "map.png").write_bytes(b"picture")
+    (tmp_path / "battery.png").write_bytes(b"picture")
     write_report_page(record, report, tmp_path / "report.html")
     reader = _read((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert reader.links == ["data:image/png;base64,cGljdHVyZQ=="]
-    assert reader.tags.isdisjoint({"script", "link", "iframe", "object"})
+    assert reader.tags.isdisjoint({"link", "iframe", "object"})
+
+
+def test_the_only_script_that_may_run_is_that_of_the_map(flight: tuple[FlightRecord, FlightReport]) -> None:
+    reader = _read(render_report_page(*flight, {}))
+    *data, script = reader.of("script")
+    assert script == inline_script("report.js")
+    assert "import " not in script.replace("@import ", "")
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    (policy,) = reader.policies
+    assert "default-src 'none'" in policy
+    assert f"script-src 'sha256-{digest}'" in policy
+    assert len(data) == 3
+    assert all(json.loads(one) is None or isinstance(json.loads(one), dict) for one in data)
+
+
+def test_names_that_end_the_data_stay_data(flight: tuple[FlightRecord, FlightReport]) -> None:
+    record, report = flight
+    evil = "</script><!--<script>\u2028\ud83d &amp; ]]>"
+    named = tuple(replace(segment, name=evil) for segment in record.segments)
+    text = render_report_page(replace(record, segments=named), report, {})
+    data = json.loads(_read(text).of("script")[0])
+    assert {one["name"] for one in data["segments"]} == {evil}
+    assert text.count("<script") == 4
 
 
 def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightReport]) -> None:
@@ -167,7 +200,8 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightR
     names = {"segment_names": {"3": evil}, "inspections": (), "checks": ()}
     report = report.model_copy(update={"vehicles": (vehicle,), "replans": (replan,), **names})
     reader = _read(render_report_page(record, report, {evil: b""}))
-    assert "script" not in reader.tags
+    assert evil not in reader.of("script")
+    assert len(reader.of("script")) == 4
     assert reader.links == ["data:image/png;base64,"]
     assert reader.of("td").count(evil) == 6
     assert evil in reader.of("h1")[0]

@@ -6,11 +6,11 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from executor import __version__
 from executor.cli import commandline
 from executor.cli.commandline import COMMANDS, CheckoutRequired, load_command, read_summary
 
@@ -45,7 +45,6 @@ def test_an_installed_package_says_where_benchmarks_are(monkeypatch: pytest.Monk
 
 
 ROOT = Path(__file__).parents[3]
-VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
 
 
 def run_faultline(*given: str, **environment: str) -> str:
@@ -57,9 +56,9 @@ def run_faultline(*given: str, **environment: str) -> str:
 
 
 def test_the_version_is_the_package_s() -> None:
-    assert run_faultline("--version") == f"faultline {VERSION}\n"
+    assert run_faultline("--version") == f"faultline {__version__}\n"
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [VERSION]
+    assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
 
 
 @pytest.mark.parametrize("given", [("-h",), ("plan", "-h"), ("bench", "-h")], ids=" ".join)

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-import tomli_w
+import tomlkit
 
 from executor.cli.main import main
 from missions import write_plan
@@ -20,7 +20,7 @@ def planned(tables: Tables, folder: Path) -> tuple[Path, Path]:
     """Return a site file and the file of its plan."""
     write_files(folder)
     site, plan = folder / "site.toml", folder / "plan.json"
-    site.write_text(tomli_w.dumps(tables))
+    site.write_text(tomlkit.dumps(tables))
     write_plan(plan, load(tables, folder).plan)
     return site, plan
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from executor.cli.main import main
 from executor.core.context import PackRules
 from executor.flight.run_start import FlightRequest, read_run_start, write_run_start
 from executor.site.day_plans import build_day_rules, sorties_ahead_of
+from executor.site.plan_summary import describe_day
 from missions import DayPlanFile, read_day_plan
 from planner import segment_of
 from tests.executor.flights import short_report
@@ -95,6 +97,23 @@ def test_a_day_as_json_is_the_file_with_what_it_needs(place: Place) -> None:
     assert sorted(visited) == sorted(one["id"] for one in kept["segments"])
 
 
+def test_a_loss_on_a_day_is_answered_with_the_days_that_the_others_fly(place: Place) -> None:
+    place.plan("-o", "day.json")
+    day = read_day_plan(place.folder / "day.json")
+    first = day.routes_of("uav1")[0]
+    at_s = first.start_s + first.duration_s / 2
+    code, out, err = place.call("replan", "day.json", "--lost", "uav1", "--at", at_s, "--json", "-o", "after.json")
+    assert code in {0, 1}, err
+    told, after = json.loads(out), read_day_plan(place.folder / "after.json")
+    assert (code, told["left_over"]) == (0, []) or (code == 1 and told["left_over"])
+    assert not after.routes_of("uav1")
+    assert after.routes_of("uav2")[0].start_s == day.routes_of("uav2")[0].start_s
+    assert place.call("check", "after.json")[:2] == (0, "every figure is right\n")
+    code, out, _ = place.call("replan", "day.json", "--lost", "uav1", "--at", day.finish_s)
+    assert code == 0
+    assert out.startswith("\n".join(describe_day(replace(day, windows=())))[:200])
+
+
 def test_every_command_takes_a_day_or_says_in_one_line_that_it_takes_a_flight(place: Place) -> None:
     place.plan("-o", "day.json")
     kept = json.loads((place.folder / "day.json").read_text())
@@ -106,7 +125,7 @@ def test_every_command_takes_a_day_or_says_in_one_line_that_it_takes_a_flight(pl
     assert (code, out.count("may be lost")) == (0, 2)
     for command in (
         ("window", "day.json", "--picture", "day.png"),
-        ("replan", "day.json", "--lost", "uav1", "--at", 60),
+        ("replan", "day.json", "--lost", "uav1", "--at", 60, "--seconds", 1),
         ("export", "day.json", "-o", "out"),
         ("risk", "day.json", "--mtbf", 5),
     ):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-import tomli_w
+import tomlkit
 from pymavlink.dialects.v20 import common
 
 from executor.adapters import eventlog
@@ -61,7 +61,7 @@ def prepared(folder: Path) -> Path:
     content = site.model_dump(exclude_none=True, mode="json")
     content["network"]["file"] = "network.yaml"
     (run / "network.yaml").write_bytes((folder / "line.yaml").read_bytes())
-    (run / "site.toml").write_text(tomli_w.dumps(content))
+    (run / "site.toml").write_text(tomlkit.dumps(content))
     write_plan(run / "plan-000.json", plan)
     write_document(run / "vehicles.json", {"vehicles": []})
     return run

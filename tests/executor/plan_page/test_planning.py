@@ -254,9 +254,12 @@ def test_days_are_planned(planned: Opened) -> None:
     assert (summary["kind"], summary["window_pct"]) == ("day", None)
     shown = planned.get(f"/api/plans/{workspace['chosen']}")
     assert all(route["start_s"] >= 8 * 3600 for one in shown["vehicles"] for route in one["routes"])
-    assert planned.post(f"/api/plans/{workspace['chosen']}/loss", 422, vehicle="uav1", at_s=0)["error"].endswith(
-        "of days"
-    )
+    [lost] = [one for one in shown["vehicles"] if one["name"] == "uav1"]
+    way = lost["routes"][0]
+    at_s = way["start_s"] + way["duration_s"] / 2
+    answer = planned.post(f"/api/plans/{workspace['chosen']}/loss", vehicle="uav1", at_s=at_s)
+    assert (answer["complete"], answer["recovered"]) == (True, sum(len(one["visits"]) for one in lost["routes"]))
+    assert [one["name"] for one in answer["routes"] if not one["routes"]] == ["uav1"]
     planned.post(f"/api/plans/{chosen}/choose")
 
 

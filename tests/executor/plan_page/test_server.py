@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import asyncio
 import json
 import shutil
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from executor.adapters.web.guard import cookie_name_for
@@ -240,6 +242,26 @@ def test_a_network_of_a_hundred_megabytes_is_taken_and_a_larger_one_is_not(tmp_p
     assert [one.name for one in tmp_path.iterdir()] == ["ground.tif"]
 
 
+def test_what_a_killed_server_had_not_received_whole_is_removed_at_the_next_start(tmp_path: Path) -> None:
+    async def receive(folder: Path) -> list[str]:
+        """Begin an upload, look, and end as if nothing had come to an end."""
+
+        async def content() -> AsyncIterator[bytes]:
+            yield b"half"
+            site_files.remove_drafts(folder)  # another server starts, and leaves it alone
+            yield b"whole"
+
+        path = await site_files.receive_file(folder, "line.kml", content())
+        return [path.read_text()]
+
+    assert asyncio.run(receive(tmp_path)) == ["halfwhole"]
+    left = tmp_path / f".line.kml{site_files.DRAFT}"
+    left.write_bytes(b"half")
+    (tmp_path / "film.mkv.part").write_bytes(b"somebody else's")
+    with opened(tmp_path, None):
+        assert {one.name for one in tmp_path.iterdir()} == {"line.kml", "film.mkv.part"}
+
+
 def test_a_plan_opens_the_site_beside_it_and_a_site_another_one(tmp_path: Path) -> None:
     make_demo_site(tmp_path)
     (tmp_path / "plan.json").write_text('{"format": "faultline-plan/2"}')
@@ -282,17 +304,25 @@ def test_without_the_token_nothing_is_shown(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_report_is_shown_without_scripts_and_under_rules_of_its_own(demo: Opened) -> None:
+def test_a_report_is_shown_under_rules_of_its_own(demo: Opened) -> None:
     run = demo.root / "runs" / "20260101-080000"
     run.mkdir(parents=True)
     (run / "events.jsonl").touch()
-    assert demo.client.get("/api/report", params={"run": "runs/20260101-080000"}).status_code == 404
-    (run / "report.html").write_text("<style>p {}</style><p>flown</p>")
-    answer = demo.client.get("/api/report", params={"run": "runs/20260101-080000"})
-    assert answer.text.endswith("<p>flown</p>")
-    assert "script-src" not in answer.headers["content-security-policy"]
-    assert "default-src 'none'; style-src 'unsafe-inline'" in answer.headers["content-security-policy"]
+
+    def fetch() -> httpx.Response:
+        return demo.client.get("/api/report", params={"run": "runs/20260101-080000"})
+
+    assert fetch().status_code == 404
+    (run / "report.html").write_text("<style>p {}</style><p>flown</p><script>fetch('/api/undo')</script>")
+    answer = fetch()
+    assert "<p>flown</p>" in answer.text
+    policy = answer.headers["content-security-policy"]
+    assert "script-src" not in policy
+    assert policy.startswith("sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'")
     assert answer.headers["x-content-type-options"] == "nosniff"
+    digest = f"sha256-{'A' * 43}="
+    (run / "report.html").write_text(f"<meta content=\"default-src 'none'; script-src '{digest}'\"><p>flown</p>")
+    assert fetch().headers["content-security-policy"] == f"{policy}; script-src '{digest}'"
     assert "script-src 'self'" in demo.client.get("/api/workspace").headers["content-security-policy"]
     assert demo.client.get("/api/report", params={"run": "../runs"}).status_code == 422
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from executor.plan_page.site_document import Edit, EditRefused, apply_edits, format_path, read_values
+from executor.plan_page.site_document import Edit, EditRefused, apply_edits, format_path
 from executor.plan_page.site_history import History, read_lines, write_lines
+from executor.site.site_file import parse_toml
 
 SCATTERED = """\
 # our site, 2026
@@ -93,7 +94,7 @@ def test_a_table_is_added_after_those_of_its_array_or_before_one() -> None:
 def test_a_table_within_an_element_belongs_to_it() -> None:
     made = edit(SCATTERED, Edit("set", ("vehicle", 1, "more", "who"), "all"))
     assert made == SCATTERED.replace('why = "because"\n', 'why = "because"\nwho = "all"\n')
-    assert read_values(edit(SCATTERED, Edit("remove", ("vehicle", 1))))["vehicle"][1]["name"] == "uav3"
+    assert parse_toml(edit(SCATTERED, Edit("remove", ("vehicle", 1))))["vehicle"][1]["name"] == "uav3"
 
 
 def test_a_table_that_is_missing_is_made_at_the_end() -> None:
@@ -169,7 +170,7 @@ def test_edits_undo_and_redo_end_in_the_file_that_a_replay_of_what_remains_gives
     for _ in range(25):
         match rng.choice(("edit", "edit", "edit", "undo", "redo")):
             case "edit":
-                edits = list(draw_edits(rng, read_values(history.text)))
+                edits = list(draw_edits(rng, parse_toml(history.text)))
                 why = ""
                 try:
                     history = history.edit("drawn", edits)

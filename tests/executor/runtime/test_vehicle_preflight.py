@@ -134,20 +134,26 @@ async def test_a_thousand_reasons_are_told_once_a_second() -> None:
     assert 5 <= len(ready.waited_for) <= 12
 
 
-async def test_what_a_firmware_does_not_have_costs_a_moment() -> None:
-    """It takes several questions to know that it is not the link."""
+@pytest.mark.parametrize(("name", "most_s"), [("MOT_BAT_VOLT_MAX", 3.0), ("WPNAV_JERK", 5.0)])
+async def test_what_a_firmware_does_not_have_costs_a_moment(name: str, most_s: float) -> None:
+    """It takes several questions to know that it is not the link; then some are asked for by another name."""
     known = dict.fromkeys(onboard_failsafes.list_preflight_parameters(ARDUPILOT), 1.0)
-    del known["WPNAV_JERK"], known["FENCE_AUTOENABLE"]
+    del known[name], known["FENCE_AUTOENABLE"]
     ready = Ready(ARDUPILOT, **known)
     ready.says(Version(4, 7, 2), 0.5)
     facts = await ready.interview()
     assert (facts.parameters, facts.unread) == (known, frozenset())
-    assert ready.clock.now_s() < vehicle_preflight.STEADY_S + 3.0
+    assert ready.clock.now_s() < vehicle_preflight.STEADY_S + most_s
 
 
 async def test_the_older_name_of_a_parameter_is_asked_for_where_the_newer_is_not_there() -> None:
     facts = await Ready(ARDUPILOT, SYSID_MYGCS=252.0, FS_GCS_ENABLE=1.0).interview()
     assert facts.parameters == {"SYSID_MYGCS": 252.0, "FS_GCS_ENABLE": 1.0}
+
+
+async def test_the_names_of_copter_4_7_are_asked_for_where_the_older_are_not_there() -> None:
+    facts = await Ready(ARDUPILOT, WP_SPD=12.0, LAND_SPD_MS=0.4, FS_GCS_ENABLE=1.0).interview()
+    assert facts.parameters == {"WP_SPD": 12.0, "LAND_SPD_MS": 0.4, "FS_GCS_ENABLE": 1.0}
 
 
 async def test_a_parameter_that_is_no_number_is_not_known() -> None:

@@ -20,6 +20,7 @@ from executor.site.day_plans import (
     describe_later_sorties,
     find_day_pads,
     find_later_segments,
+    preview_day_loss,
     select_day,
     solve_day,
     sorties_ahead_of,
@@ -29,12 +30,12 @@ from executor.site.site_model import SiteModel
 from executor.site.site_parts import find_base_pads
 from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, PlanFileError, check_plan, read_day_plan, write_plan
-from planner import Plan, Route, segment_of
+from planner import segment_of
 from planner.sorties import LossWindow, Objective, evaluate_sorties
 from tests.executor.builders import ground_for, site_of
+from tests.executor.site.two_bases import HOURS, between_bases
 from tests.missions.builders import FRAME, line_east
 
-HOURS = {"begin": "08:00", "end": "10:00", "quiet": [{"begin": "09:00", "end": "09:30"}]}
 BATTERY = {"capacity_ah": 1.2}
 
 
@@ -151,6 +152,32 @@ def refused(day: DayPlanFile, ground: SiteModel) -> str:
     return text
 
 
+def test_a_loss_leaves_what_has_landed_and_the_others_fly_what_was_on_board_and_what_was_to_come() -> None:
+    _, day = between_bases()
+    second = day.routes[1]
+    after, is_complete = preview_day_loss(day, "uav1", second.start_s + 1.0, seed=1)
+    assert is_complete
+    assert after.routes_of("uav1") == day.routes[:1]
+    taken = [visit.segment for one in after.routes_of("uav2") for visit in one.visits]
+    assert sorted(taken) == sorted(visit.segment for visit in second.visits)
+    assert min(one.start_s for one in after.routes_of("uav2")) >= second.start_s + 1.0
+    assert check_plan(after) == []
+    after, is_complete = preview_day_loss(day, "uav2", 0.0, seed=1)
+    assert is_complete
+    assert {visit.segment for one in after.routes for visit in one.visits} == set(range(12))
+    with pytest.raises(PlanFileError, match="--lost: expected one of uav1, uav2, got uav9"):
+        preview_day_loss(day, "uav9", 0.0, seed=1)
+
+
+def test_who_alone_had_segments_is_lost_and_others_fly_them() -> None:
+    ground, day = between_bases(lock=[{"segments": ["segment 7"], "vehicle": "uav1"}])
+    assert day.pricing.locked
+    after, is_complete = preview_day_loss(day, "uav1", 0.0, seed=1)
+    assert is_complete
+    assert check_plan(after) == []
+    assert ground.locked
+
+
 def test_a_day_of_other_vehicles_is_refused(day: DayPlanFile) -> None:
     other = ground_for(site_of(("uav1", "uav3"), day=HOURS, energy=BATTERY), line_east(13))
     assert "vehicles: expected uav1, uav3 as in the site" in refused(day, other)
@@ -173,21 +200,6 @@ def test_a_day_goes_on_with_what_another_one_left(ground: SiteModel) -> None:
     flown = {segment_of(visit) for own in sorties_ahead_of(found).values() for one in own for visit in one.visits}
     assert flown == set(left)
     assert {segment.id for segment in build_first_sorties_plan(found, ground).segments} == set(left)
-
-
-def between_bases(**tables: object) -> tuple[SiteModel, DayPlanFile]:
-    """Return a day on which uav1 flies to the other base and back, with uav2's segment beside it."""
-    bases = []
-    for name, east_m, own in (("west", 0.0, ["uav1", "uav2"]), ("east", 1300.0, [])):
-        lat_deg, lon_deg = FRAME.to_wgs84_deg(east_m, -60.0)
-        bases.append({"name": name, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": FRAME.alt_m, "vehicles": own})
-    known: dict[str, Any] = {"base": bases, "day": {**HOURS, "lands": "any"}, "energy": {"capacity_ah": 3.0}, **tables}
-    ground = ground_for(site_of(("uav1", "uav2"), **known), line_east(13))
-    problem = build_day_problem(ground)
-    first, second = tuple(2 * one for one in range(6)), tuple(2 * one + 1 for one in reversed(range(6, 12)))
-    plan = Plan((Route(0, first, 0, 1, 28_800.0), Route(0, second, 1, 0, 30_600.0)))
-    found = evaluate_sorties(problem.build_instance(), plan)
-    return ground, replace(problem.with_plan(plan, found, Objective.FINISH), source="day.json")
 
 
 FENCED = {"fence": {"enabled": True}}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -61,6 +62,17 @@ def test_only_the_area_is_read(tmp_path: Path) -> None:
     (tile,) = read_elevation([path], reading()).tiles
     # 3 km of 12, with a lattice of a kilometre around it.
     assert max(tile.heights_m.shape) < 560
+
+
+def test_a_raster_is_read_again_only_when_it_or_the_area_is_another_one(tmp_path: Path) -> None:
+    path = write_raster(tmp_path / "ground.tif", SMOOTH)
+    first = read_elevation([path], reading())
+    assert read_elevation([path], reading()) is first
+    assert read_elevation([path], reading(uncertainty_m=9.0)).uncertainty_m == 9.0
+    before = path.stat()
+    write_raster(path, Mountain(gorge_m=0.0, step_m=0.0, relief_m=90.0))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns + 1))
+    assert read_elevation([path], reading()).digest != first.digest
 
 
 def test_small_cells_are_combined_and_the_highest_kept(tmp_path: Path) -> None:

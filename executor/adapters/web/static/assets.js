@@ -1,6 +1,7 @@
 // What became of each asset: missed ones first. Names and what is asked came with the map; the rest is fetched while
 // somebody looks, when the state says that it is another.
 import { byId, element, find, write } from "./elements.js";
+import { say } from "./translation.js";
 
 /** @import { PageAssets, PageChart, State } from "../documents.js" */
 /** @import { Intents } from "./intents.js" */
@@ -67,7 +68,7 @@ export class Assets {
     this.names = chart.names;
     this.pictures = chart.pictures;
     this.asked = new Map(chart.assets);
-    write(byId("assets-what"), this.pictures ? "Assets" : "Segments");
+    write(byId("assets-what"), say(this.pictures ? "Assets" : "Segments"));
     sought.hidden = this.asked.size < MANY;
     // On a phone it takes no room until it is asked for, nor where there are no pictures to look after.
     if (first) list.open = this.pictures && matchMedia("(min-width: 901px)").matches;
@@ -95,8 +96,8 @@ export class Assets {
   count(state) {
     const seen = state.inspected.filter((segment) => this.asked.has(segment)).length;
     const missed = state.missed.length;
-    write(byId("tally"), `${seen} of ${this.asked.size} ${this.pictures ? "seen" : "inspected"}`);
-    write(byId("tally-missed"), missed ? `${missed} missed` : "");
+    write(byId("tally"), say(this.pictures ? "{seen} of {total} seen" : "{seen} of {total} inspected", { seen, total: this.asked.size }));
+    write(byId("tally-missed"), missed ? say("{missed} missed", { missed }) : "");
   }
 
   toggled() {
@@ -155,7 +156,7 @@ export class Assets {
     if (lists.inspected.has(segment)) state = lists.inferred.has(segment) ? "inferred" : "seen";
     else if (lists.missed.has(segment)) state = told === "given_up" ? told : "missed";
     else if (told !== "given_up" && told !== "left_over") state = "open";
-    return { segment, state, pictures, vehicle, name: this.names[segment] ?? `segment ${segment}`, asked: this.asked.get(segment) };
+    return { segment, state, pictures, vehicle, name: this.names[segment] ?? say("segment {segment}", { segment }), asked: this.asked.get(segment) };
   }
 
   draw() {
@@ -170,8 +171,8 @@ export class Assets {
     if (chosen && !shown.includes(chosen)) shown.push(chosen);
     this.place(shown.map((one) => this.row(one)));
     const left = found.length - shown.length;
-    const nothing = found.length ? "" : "Nothing is called so, or is in that state.";
-    write(byId("unlisted"), left ? `${left} more: search for a name, a state or a vehicle.` : nothing);
+    const nothing = found.length ? "" : say("Nothing is called so, or is in that state.");
+    write(byId("unlisted"), left ? say("{left} more: search for a name, a state or a vehicle.", { left }) : nothing);
     this.act();
   }
 
@@ -185,7 +186,7 @@ export class Assets {
 
   /** @param {string} state */
   word(state) {
-    return state === "seen" && !this.pictures ? "inspected" : state.replace("_", " ");
+    return say(state === "seen" && !this.pictures ? "inspected" : state.replace("_", " "));
   }
 
   /**
@@ -210,7 +211,7 @@ export class Assets {
     }
     row.className = `asset is-${one.state}${one.segment === this.chosen ? " chosen" : ""}`;
     row.dataset.state = one.state;
-    const count = one.asked && (one.pictures || one.state !== "open") ? `${one.pictures} of ${one.asked}` : "";
+    const count = one.asked && (one.pictures || one.state !== "open") ? say("{part} of {total}", { part: one.pictures, total: one.asked }) : "";
     write(find(row, ".mark"), MARKS[one.state]);
     write(find(row, ".became"), [this.word(one.state), count].filter(Boolean).join(" "));
     write(find(row, ".by"), one.vehicle ?? "");
@@ -227,7 +228,7 @@ export class Assets {
     pick.append(element("b", "", "mark"), element("span", one.name, "asset-name"), element("span", "", "became"), element("span", "", "by"));
     pick.addEventListener("click", () => this.picked(one.segment));
     const more = element("div", "", "more");
-    const again = element("button", "Look again", "again");
+    const again = element("button", say("Look again"), "again");
     again.addEventListener("click", () => this.intents.lookAgain(one.segment, one.name));
     more.append(element("span", "", "asset-why"), again);
     row.append(pick, more);
@@ -249,6 +250,6 @@ export class Assets {
     const over = this.state.finished || this.state.recalled;
     const became = row.dataset.state ?? "";
     find(row, ".again").hidden = over || !MAY_AGAIN.has(became);
-    write(find(row, ".asset-why"), WHY[became] ?? "");
+    write(find(row, ".asset-why"), say(WHY[became] ?? ""));
   }
 }

@@ -1,5 +1,6 @@
 // Before the take-off: what is asked, and the checklist with what stops the flight first.
 import { byId, element, write } from "./elements.js";
+import { say, sayCount, translate } from "./translation.js";
 
 /** @import { Check, Question, State } from "../documents.js" */
 /** @import { Intents } from "./intents.js" */
@@ -10,9 +11,9 @@ import { byId, element, write } from "./elements.js";
  */
 /** @type {Group[]} */
 const GROUPS = [
-  ["stop", "STOP", (count) => `${count} ${count === 1 ? "check stops" : "checks stop"} the flight`],
-  ["warning", "warn", (count) => `${count} ${count === 1 ? "warning" : "warnings"}`],
-  ["ok", "ok", (count) => `${count} ok`],
+  ["stop", "STOP", (count) => sayCount(count, "{count} check stops the flight", "{count} checks stop the flight")],
+  ["warning", "warn", (count) => sayCount(count, "{count} warning", "{count} warnings")],
+  ["ok", "ok", (count) => say("{count} ok", { count })],
 ];
 /** @type {Record<string, string>} */
 const MEANINGS = {
@@ -31,7 +32,7 @@ export class Briefing {
   }
 
   answer() {
-    if (this.question) this.intents.confirm(this.question.id, this.question.text, MEANINGS[this.question.id] ?? "");
+    if (this.question) this.intents.confirm(this.question.id, translate(this.question.text), say(MEANINGS[this.question.id] ?? ""));
   }
 
   /** @param {State} state */
@@ -42,12 +43,12 @@ export class Briefing {
     this.question = before ? state.question : null;
     if (!before) return;
     const stops = state.checks.filter((one) => one.severity === "stop").length;
-    write(byId("asked"), this.question ? this.question.text : stops ? "Nothing is asked: a check says stop" : "Nothing is asked yet");
+    write(byId("asked"), this.question ? translate(this.question.text) : stops ? say("Nothing is asked: a check says stop") : say("Nothing is asked yet"));
     byId("agree").hidden = !this.question;
     const key = JSON.stringify([state.checks, this.question]);
     if (key === this.shown) return;
     this.shown = key;
-    byId("about").replaceChildren(...(this.question?.lines ?? []).map((line) => element("li", line)));
+    byId("about").replaceChildren(...(this.question?.lines ?? []).map((line) => element("li", translate(line))));
     byId("checks").replaceChildren(...GROUPS.flatMap((group) => this.group(group, state.checks)));
   }
 
@@ -64,7 +65,7 @@ export class Briefing {
     const list = element("ul");
     for (const one of found) {
       const row = element("li");
-      row.append(element("b", mark, "mark"), element("span", one.subject, "subject"), element("span", one.text));
+      row.append(element("b", say(mark), "mark"), element("span", translate(one.subject), "subject"), element("span", translate(one.text)));
       list.append(row);
     }
     part.append(element("summary", words(found.length)), list);

@@ -1,12 +1,14 @@
 // The map of a flight: what the state says of the line, the routes and the vehicles, as the map takes it.
 import { byId } from "./elements.js";
 import { FleetMap, hueOf } from "./map.js";
+import { areasOf } from "./map-content.js";
+import { say } from "./translation.js";
 
 /** @import { PageChart, PageVehicle, Place, State, Vehicle } from "../documents.js" */
 /** @import { MapRoute, MapVehicle, SegmentState } from "./map-content.js" */
 
 /** @type {Record<string, string>} */
-const STATES = { pilot: ": with its pilot", down: ": keep away", lost: ": lost" };
+const STATES = { pilot: "with its pilot", down: "keep away", lost: "lost" };
 const TOLD = new Set(["flying", "holding", "starting", "returning", "landing", "pilot", "down"]);
 const AHEAD = new Set(["flying", "holding", "starting", "pilot"]);
 const STEP_M = 3;
@@ -19,8 +21,9 @@ export class Chart {
    */
   constructor(choose, pointed, touched) {
     this.map = new FleetMap(byId("map"), {
-      name: "Map of the line, the routes and the vehicles",
+      name: say("Map of the line, the routes and the vehicles"),
       isMetres: true,
+      isOfFlight: true,
       onPoint: pointed,
       onChoose: (choice) => (choice?.kind === "vehicle" ? choose(choice.id) : touched(choice?.kind === "segment" ? choice.id : null)),
     });
@@ -41,7 +44,7 @@ export class Chart {
       const known = this.tracks.get(vehicle.name);
       if (!known || known.length < vehicle.track_m.length) this.tracks.set(vehicle.name, vehicle.track_m);
     }
-    this.map.setAreas(chart.areas.map(({ name, limit, outlines_m }, index) => ({ index, name, isLimit: limit, rings: outlines_m })));
+    this.map.setAreas(areasOf(chart.areas));
     this.map.setPlaces(chart.vehicles.map(({ name, pad_m }, index) => ({ kind: "pad", name, place: pad_m, colour: hueOf(index) })));
     this.draw();
   }
@@ -78,7 +81,7 @@ export class Chart {
     /** @type {Map<number, SegmentState>} */
     const states = new Map();
     const { uncovered = [], inspected = [], inferred = [], missed = [], vehicles = [] } = this.state ?? {};
-    const found = /** @type {[number[], SegmentState][]} */ ([[uncovered, "left-over"], [inspected, "done"], [inferred, "inferred"], [missed, "missed"]]);
+    const found = /** @type {[number[], SegmentState][]} */ ([[chart.left_out, "left-out"], [chart.unreachable, "unreachable"], [uncovered, "left-over"], [inspected, "done"], [inferred, "inferred"], [missed, "missed"]]);
     for (const [segments, state] of found) for (const one of segments) states.set(one, state);
     const current = new Map(vehicles.map((one, index) => [one.progress.segment, hueOf(index)]));
     this.map.setNetwork(chart.segments_m.map(([a, b], id) => ({ id, name: chart.names[id] ?? "", a, b, state: states.get(id) ?? "open", colour: current.get(id) })));
@@ -113,7 +116,7 @@ export class Chart {
     return {
       name, place, heading_deg: position?.heading_deg ?? null, colour: hueOf(index), state, isChosen: this.chosen === name, isStale: vehicle.stale,
       isFaulty: vehicle.fault !== null, isOutside: vehicle.loss?.inside_window === false,
-      label: isTold ? `${name}${STATES[state] ?? ` L${vehicle.layer + 1}${height}`}` : "",
+      label: isTold ? `${name}${STATES[state] ? `: ${say(STATES[state])}` : ` L${vehicle.layer + 1}${height}`}` : "",
     };
   }
 }

@@ -1,5 +1,6 @@
 // How old what is shown is, by the flight's own clock: a link that is slow looks like a flight that stands still.
 /** @import { State } from "../documents.js" */
+import { say } from "./translation.js";
 import { age, since } from "./words.js";
 
 /**
@@ -69,27 +70,28 @@ export class Freshness {
    */
   findTrouble(state, openedAt, nowMs = performance.now()) {
     if (state === null) {
-      return nowMs - openedAt > 1000 * STALE_S ? { text: "The ground station does not answer", old: true } : null;
+      return nowMs - openedAt > 1000 * STALE_S ? { text: say("The ground station does not answer"), old: true } : null;
     }
     const behindS = this.ageS(nowMs);
     if (behindS > STALE_S * this.speedup) {
-      if (state.finished) return { text: "The flight is over; this page shows its end", over: true };
-      const who = this.failed ? "The ground station does not answer" : "The link to this page is behind";
-      const shown = state.flight_s === null ? "" : ` ${since(state.flight_s)},`;
-      const now = state.flight_s === null ? "" : `; the flight is at ${since(state.flight_s + behindS)}`;
-      return { text: `${who}: this is${shown} ${age(behindS)} old${now}`, old: true };
+      if (state.finished) return { text: say("The flight is over; this page shows its end"), over: true };
+      const who = this.failed ? say("The ground station does not answer") : say("The link to this page is behind");
+      const old = age(behindS);
+      const what = state.flight_s === null ? say("{who}: this is {old} old", { who, old })
+        : say("{who}: this is {shown}, {old} old; the flight is at {now}", { who, old, shown: since(state.flight_s), now: since(state.flight_s + behindS) });
+      return { text: what, old: true };
     }
     if (this.waitS(nowMs) > STALE_S) {
-      return { text: `The link to this page is slow: an answer takes ${age(this.waitS(nowMs))}` };
+      return { text: say("The link to this page is slow: an answer takes {time}", { time: age(this.waitS(nowMs)) }) };
     }
     const flies = state.flight_s !== null && !state.finished;
     if (flies && state.decided_age_s !== null && state.decided_age_s > STALE_S * this.speedup) {
       return {
-        text: `The ground station itself is behind: nothing was decided for ${age(state.decided_age_s)}`,
+        text: say("The ground station itself is behind: nothing was decided for {time}", { time: age(state.decided_age_s) }),
         old: true,
       };
     }
-    return state.all_silent ? { text: "All links lost at once: check the radio first" } : null;
+    return state.all_silent ? { text: say("All links lost at once: check the radio first") } : null;
   }
 
   async ask() {

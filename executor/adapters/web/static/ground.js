@@ -1,4 +1,5 @@
 // What lies below the map: a picture of the ground or its relief, contour lines, and what is known of a place.
+import { say } from "./translation.js";
 
 /** @import { Contour, GroundDocument, Place } from "../documents.js" */
 /** @import { Painter } from "./map-painter.js" */
@@ -32,8 +33,14 @@ export class Ground {
   /** @param {string} path of the document; its pictures are beside it */
   async load(path = "/ground/ground.json") {
     const answer = await fetch(path);
-    /** @type {GroundDocument | null} */
-    const content = answer.ok ? await answer.json() : null;
+    this.show(answer.ok ? await answer.json() : null, (name) => new URL(name, new URL(path, location.href)).href);
+  }
+
+  /**
+   * @param {GroundDocument | null} content
+   * @param {(name: string) => string} find where a picture that it names is
+   */
+  show(content, find) {
     const isFirst = this.document === null;
     this.document = content;
     const { photo, relief } = content ?? { photo: null, relief: null };
@@ -41,17 +48,16 @@ export class Ground {
     if (isFirst || !this.layers.includes(this.layer)) this.layer = this.layers[0];
     this.images = {};
     this.lines = (relief?.contours ?? []).map((line) => contour(line));
-    if (photo) this.fetch("photo", path, photo);
-    if (relief) this.fetch("relief", path, relief.file);
+    if (photo) this.fetch("photo", find(photo));
+    if (relief) this.fetch("relief", find(relief.file));
     this.changed();
   }
 
   /**
    * @param {string} layer
-   * @param {string} path
-   * @param {string} name
+   * @param {string} address
    */
-  fetch(layer, path, name) {
+  fetch(layer, address) {
     const image = new Image();
     const content = this.document;
     image.fetchPriority = "low";
@@ -60,7 +66,7 @@ export class Ground {
       this.images[layer] = image;
       this.changed();
     });
-    image.src = new URL(name, new URL(path, location.href)).href;
+    image.src = address;
   }
 
   // The next layer; returns its name.
@@ -82,7 +88,7 @@ export class Ground {
   attribution() {
     if (this.document === null || this.layer === "plain") return "";
     const { relief } = this.document;
-    const lines = relief && this.lines.length ? `contours every ${relief.interval_m} m` : "";
+    const lines = relief && this.lines.length ? say("contours every {interval} m", { interval: relief.interval_m }) : "";
     return [lines, this.layer === "photo" ? this.document.attribution : ""].filter(Boolean).join(" · ");
   }
 
@@ -160,7 +166,7 @@ export class Ground {
     const lon = between(this.document, place, degrees, degrees.lon_deg, true);
     if (lat === null || lon === null) return "";
     const metres = relief ? between(this.document, place, relief.heights, relief.heights.metres, false) : null;
-    return `${lat.toFixed(6)}, ${lon.toFixed(6)}${metres === null ? "" : ` · ground ${metres.toFixed(0)} m`}`;
+    return `${lat.toFixed(6)}, ${lon.toFixed(6)}${metres === null ? "" : say(" · ground {height} m", { height: metres.toFixed(0) })}`;
   }
 }
 

@@ -1,6 +1,7 @@
 // An operator's wishes: asked back once, or twice where the flight has a question of its own; sent once; and answered
 // by the vehicle itself.
 import { byId, find } from "./elements.js";
+import { say, translate } from "./translation.js";
 
 /** @import { IntentView, State } from "../documents.js" */
 
@@ -40,12 +41,12 @@ const WORDS = {
 };
 const BACK = "Its pilot has set mission mode again: it goes on in the plan, and is supervised from here again.";
 const AGAIN = "It is open again: its pictures so far do not count, and it is planned like anything else that is open.";
-const HANDS = "It is with its pilot. ";
+const HANDS = "It is with its pilot.";
 const DANGER = new Set(["abort", "land", "exclude", "disarm", "take-off"]);
 const TOLD_MS = 8000;
 
 /** @param {string} action */
-export const label = (action) => WORDS[action]?.[0] ?? action;
+export const label = (action) => say(WORDS[action]?.[0] ?? action);
 
 export class Intents {
   /** @param {() => State | null} now */
@@ -71,7 +72,7 @@ export class Intents {
    */
   askBase(action, base) {
     const what = `${label(action)} ${base}`;
-    this.open({ heading: `${what}?`, meaning: WORDS[action][1], button: what }, { action, vehicle: null, base, what, confirmed: false });
+    this.open({ heading: `${what}?`, meaning: say(WORDS[action][1]), button: what }, { action, vehicle: null, base, what, confirmed: false });
   }
 
   /**
@@ -79,8 +80,8 @@ export class Intents {
    * @param {string} name
    */
   lookAgain(segment, name) {
-    const what = `Look again at ${name}`;
-    this.open({ heading: `${what}?`, meaning: AGAIN, button: "Look again" }, {
+    const what = say("Look again at {name}", { name });
+    this.open({ heading: `${what}?`, meaning: say(AGAIN), button: say("Look again") }, {
       action: "prove", vehicle: null, what, confirmed: false, assets: [segment],
     });
   }
@@ -92,7 +93,7 @@ export class Intents {
    * @param {string} meaning
    */
   confirm(action, heading, meaning) {
-    this.open({ heading, meaning, button: "Yes" }, { action, vehicle: null, what: label(action), confirmed: false });
+    this.open({ heading, meaning, button: say("Yes") }, { action, vehicle: null, what: label(action), confirmed: false });
   }
 
   /**
@@ -101,8 +102,8 @@ export class Intents {
    */
   meaning(action, vehicle) {
     const taken = this.now()?.vehicles.find((one) => one.name === vehicle)?.taken;
-    if (!taken) return WORDS[action][1];
-    return action === "include" ? BACK : HANDS + WORDS[action][1];
+    if (!taken) return say(WORDS[action][1]);
+    return action === "include" ? say(BACK) : `${say(HANDS)} ${say(WORDS[action][1])}`;
   }
 
   /**
@@ -152,13 +153,13 @@ export class Intents {
     if (charged !== undefined) wish.charged = charged;
     if (assets) wish.assets = assets;
     const body = JSON.stringify(wish);
-    this.tell(`${what}: asked`, "accepted");
+    this.tell(`${what}: ${say("asked")}`, "accepted");
     // The id makes it safe to send again: a wish is taken once.
     for (let attempt = 0; attempt < 3; attempt += 1) {
       try {
         const answer = await fetch("/intents", { method: "POST", headers: { "content-type": "application/json" }, body });
         if (!(answer.headers.get("content-type") ?? "").startsWith("application/json")) {
-          this.tell(`${what}: ${await answer.text()}`, "failed");
+          this.tell(`${what}: ${translate(await answer.text())}`, "failed");
           return;
         }
         this.answered(await answer.json(), { ...asked, confirmed: true });
@@ -167,7 +168,7 @@ export class Intents {
         await new Promise((resolve) => setTimeout(resolve, 1000));
       }
     }
-    this.tell(`${what}: the ground station does not answer`, "failed");
+    this.tell(`${what}: ${say("the ground station does not answer")}`, "failed");
   }
 
   /**
@@ -176,12 +177,12 @@ export class Intents {
    */
   answered(record, next) {
     if (record.outcome === "refused" && record.question && !record.confirmed) {
-      const asked = { heading: `${next.what}: really?`, meaning: record.question, button: `Yes, ${next.what}`, again: true };
-      this.tell(`${next.what}: not done yet`, "accepted");
+      const asked = { heading: `${next.what}: ${say("really?")}`, meaning: translate(record.question), button: say("Yes, {what}", { what: next.what }), again: true };
+      this.tell(`${next.what}: ${say("not done yet")}`, "accepted");
       if (this.open(asked, next)) return;
     }
     this.mine.set(record.id, { what: next.what, outcome: record.outcome });
-    this.tell(`${next.what}: ${record.outcome}, ${record.text || record.question}`, record.outcome);
+    this.tell(`${next.what}: ${translate(record.outcome)}, ${translate(record.text || record.question)}`, record.outcome);
   }
 
   /** @param {State} state */
@@ -190,7 +191,7 @@ export class Intents {
       const known = this.mine.get(record.id);
       if (known && known.outcome !== record.outcome) {
         known.outcome = record.outcome;
-        this.tell(`${known.what}: ${record.outcome}, ${record.text}`, record.outcome);
+        this.tell(`${known.what}: ${translate(record.outcome)}, ${translate(record.text)}`, record.outcome);
       }
     }
   }

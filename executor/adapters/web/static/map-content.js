@@ -1,6 +1,6 @@
 // What the map shows, and how each of it looks.
 
-/** @import { Place } from "../documents.js" */
+/** @import { PageArea, Place } from "../documents.js" */
 /** @import { Look, Painter } from "./map-painter.js" */
 
 /** @typedef {"open" | "done" | "inferred" | "missed" | "left-over" | "left-out" | "unreachable"} SegmentState */
@@ -19,6 +19,12 @@
  *   isChosen?: boolean, isStale?: boolean, isFaulty?: boolean, isOutside?: boolean }} MapVehicle
  */
 /** @typedef {MapSegment & { ends: [Place, Place] }} DrawnSegment */
+
+/**
+ * @param {PageArea[]} areas as documents have them
+ * @returns {MapArea[]}
+ */
+export const areasOf = (areas) => areas.map(({ name, limit, outlines_m }, index) => ({ index, name, isLimit: limit, rings: outlines_m }));
 
 const OUT = new Set(["flying", "holding", "starting", "returning", "landing", "pilot"]);
 // Pylons are drawn where spans are at least this long, or where there are few.
@@ -100,7 +106,7 @@ function drawPlace(painter, { kind, name, place, colour }) {
   const pixel = painter.view.pixels(place);
   const isPad = kind === "pad";
   painter.shape(pixel, SHAPES[kind], { fill: isPad ? "transparent" : painter.colours("map"), edge: colour ?? painter.colours("ink"), width: 2 });
-  if (!isPad) painter.write(name, pixel);
+  if (!isPad && name) painter.write(name, pixel);
 }
 
 /**

@@ -6,6 +6,7 @@
  * What gestures are told to; places are in metres.
  * @typedef {object} Hearer
  * @property {(pixel: Place) => Place} metres
+ * @property {() => boolean} takesWheel
  * @property {(place: Place | null, free?: boolean) => void} point
  * @property {(place: Place, free: boolean) => void} click free: not to snap
  * @property {(place: Place) => boolean} press whether a drag begins here, instead of moving the map
@@ -53,6 +54,7 @@ export class Gestures {
     // Whether keys were used last: then there is a crosshair.
     this.isKeyed = false;
     canvas.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && !hearer.takesWheel()) return;
       event.preventDefault();
       hearer.zoom(Math.exp(-event.deltaY / 400), at(event));
     }, { passive: false });

@@ -17,6 +17,8 @@ import { isInside, METRES, projectionOf, View } from "./map-view.js";
  * @typedef {object} Options
  * @property {string} name what screen readers call the map
  * @property {boolean} [isMetres] whether places are east and north of the depot, instead of latitude and longitude
+ * @property {boolean} [isOfFlight] whether segments that the flight leaves out may lie beyond the edge
+ * @property {boolean} [isOfPast] whether the flight is over: all of it is shown, in a text that the wheel moves until the map is clicked on
  * @property {(choice: Choice | null) => void} [onChoose]
  * @property {(place: Place | null) => void} [onPoint]
  * @property {() => void} [onCancel]
@@ -91,6 +93,11 @@ export class FleetMap {
     this.gestures = new Gestures(this.canvas, this.makeHearer());
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.renew());
+    // Paper is white, and does not wait for the next frame.
+    matchMedia("print").addEventListener("change", () => {
+      this.renew();
+      this.draw();
+    });
     this.resize();
   }
 
@@ -98,6 +105,7 @@ export class FleetMap {
   makeHearer() {
     return {
       metres: (pixel) => this.view.metres(pixel),
+      takesWheel: () => !this.options.isOfPast || document.activeElement === this.canvas,
       point: (place, free) => this.point(place, free),
       click: (place, free) => (this.tool ? this.tool.click(place, free) : this.choose(this.hit(place))),
       press: (place) => this.tool?.press(place) ?? false,
@@ -184,8 +192,11 @@ export class FleetMap {
   }
 
   fit() {
-    const { segments, places } = this.content;
-    this.view.fit([...segments.flatMap((one) => one.ends), ...places.map((one) => one.place)]);
+    const { segments, places, vehicles, routes } = this.content;
+    const { isOfFlight, isOfPast } = this.options;
+    const asked = isOfFlight ? segments.filter((one) => one.state !== "left-out") : segments;
+    const flown = isOfPast ? [...vehicles.map((one) => one.place), ...routes.flatMap((one) => one.flown.flat())] : [];
+    this.view.fit([...asked.flatMap((one) => one.ends), ...places.map((one) => one.place), ...flown]);
     this.later();
   }
 

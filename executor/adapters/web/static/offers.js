@@ -1,5 +1,6 @@
 // Vehicles on the ground that could take over work: offered, and started by somebody's word alone.
 import { byId, element, write } from "./elements.js";
+import { say, translate } from "./translation.js";
 
 /** @import { State } from "../documents.js" */
 
@@ -17,9 +18,9 @@ export class Offers {
     const key = JSON.stringify(offer);
     if (key === this.shown) return;
     this.shown = key;
-    write(byId("offered"), offer === null ? "" : offer.text);
+    write(byId("offered"), offer === null ? "" : translate(offer.text));
     byId("takers").replaceChildren(...(offer?.vehicles ?? []).map((name) => {
-      const button = element("button", `${name}: pad is clear`);
+      const button = element("button", say("{name}: pad is clear", { name }));
       button.dataset.vehicle = name;
       button.addEventListener("click", () => this.ask("include", name));
       return button;

@@ -8,6 +8,7 @@ import { Intents } from "./intents.js";
 import { MOVES } from "./map-gestures.js";
 import { Offers } from "./offers.js";
 import { Strips } from "./strips.js";
+import { offerLanguages, say, translate, translateDocument, useLanguage, wanted } from "./translation.js";
 import { flightTime, since } from "./words.js";
 
 /** @import { PageChart, Place, State } from "../documents.js" */
@@ -15,6 +16,13 @@ import { flightTime, since } from "./words.js";
 /** @type {Record<string, string>} */
 const MARKS = { info: "·", warning: "▲", fault: "■" };
 
+try {
+  await useLanguage(wanted(), ["page", "lines"]);
+} catch {
+  // Whoever flies needs the page more than the language.
+}
+translateDocument(document.body);
+offerLanguages(byId("language", HTMLSelectElement));
 const chart = new Chart(choose, pointed, (segment) => assets.choose(segment));
 const { map } = chart;
 const intents = new Intents(() => state);
@@ -46,12 +54,12 @@ function choose(name) {
 function show(next) {
   state = next;
   freshness.shows(next);
-  write(byId("clock"), next.flight_s === null ? "before take-off" : since(next.flight_s));
-  write(byId("count"), `${next.inspected.length} of ${next.segments_total}`);
+  write(byId("clock"), next.flight_s === null ? say("before take-off") : since(next.flight_s));
+  write(byId("count"), say("{part} of {total}", { part: next.inspected.length, total: next.segments_total }));
   byId("bar").style.width = `${(100 * next.inspected.length) / Math.max(1, next.segments_total)}%`;
   write(byId("revision"), next.replan
-    ? `${next.replan.revision} ${next.replan.solving ? "is solved …" : "goes on board …"}`
-    : `revision ${next.revision}`);
+    ? say(next.replan.solving ? "{revision} is solved …" : "{revision} goes on board …", { revision: next.replan.revision })
+    : say("revision {revision}", { revision: next.revision }));
   showWindow(next);
   showPlanned(next);
   briefing.show(next);
@@ -81,11 +89,12 @@ function showWindow(next) {
   const place = byId("window");
   // What is left over now stays so in any case.
   const left = next.uncovered.length;
-  const good = left ? `✓ the others finish all but the ${left} left over` : "✓ the others finish all";
-  const bad = `✗ not ${outside.join(", ")}${left ? `; ${left} left over in any case` : ""}`;
-  write(place, !judged.length ? (left ? `not known; ${left} left over in any case` : "not known") : outside.length ? bad : good);
+  const also = left ? say("; {left} left over in any case", { left }) : "";
+  const good = left ? say("✓ the others finish all but the {left} left over", { left }) : say("✓ the others finish all");
+  const bad = say("✗ not {vehicles}", { vehicles: outside.join(", ") }) + also;
+  write(place, !judged.length ? say("not known") + also : outside.length ? bad : good);
   place.className = !judged.length ? "" : outside.length || left ? "loss out" : "loss in";
-  place.title = outside.length ? "The loss of these could not be made good by the others" : "";
+  place.title = outside.length ? say("The loss of these could not be made good by the others") : "";
 }
 
 /**
@@ -98,11 +107,11 @@ function showPlanned(next) {
   if (planned === null || place.hidden) return;
   const { earliest_s: earliest, longest_route_s: longest, window_pct: share, breaking } = planned;
   const inside = next.flight_s !== null && next.flight_s >= earliest;
-  const whom = breaking ? `, until then not ${breaking.vehicle}` : "";
-  const since0 = earliest <= 0 ? "at any time" : inside ? `since ${since(earliest)}` : `from ${since(earliest)} on`;
-  write(place, `plan: any one ${since0}${inside ? "" : whom}`);
-  place.title = `Re-plan window of the plan: ${share.toFixed(0)} % of its longest route, which ends at ${since(longest)}`
-    + (breaking ? `; ${breaking.vehicle} lost between ${since(breaking.from_s)} and ${since(breaking.to_s)} breaks it` : "");
+  const whom = breaking && !inside ? say(", until then not {vehicle}", { vehicle: breaking.vehicle }) : "";
+  const from = { time: since(earliest) };
+  write(place, (earliest <= 0 ? say("plan: any one at any time") : inside ? say("plan: any one since {time}", from) : say("plan: any one from {time} on", from)) + whom);
+  place.title = say("Re-plan window of the plan: {share} % of its longest route, which ends at {end}", { share: share.toFixed(0), end: since(longest) })
+    + (breaking ? say("; {vehicle} lost between {from} and {to} breaks it", { vehicle: breaking.vehicle, from: since(breaking.from_s), to: since(breaking.to_s) }) : "");
 }
 
 /**
@@ -112,7 +121,9 @@ function showPlanned(next) {
 function showRadios(next) {
   const place = byId("radios");
   place.hidden = !next.radios.length;
-  const shown = next.radios.map((one) => [`radio of ${one.vehicles.join(", ")}: ${one.state}, ${one.text}; positions at ${one.positions_hz} Hz`, one.state]);
+  const shown = next.radios.map((one) => [say("radio of {vehicles}: {state}, {text}; positions at {rate} Hz", {
+    vehicles: one.vehicles.join(", "), state: translate(one.state), text: translate(one.text), rate: one.positions_hz,
+  }), one.state]);
   const key = JSON.stringify(shown);
   if (place.dataset.shown === key) return;
   place.dataset.shown = key;
@@ -127,7 +138,7 @@ function pointed(place) {
 function showLayer() {
   const button = byId("layer");
   button.hidden = map.ground.layers.length < 2;
-  write(button, map.ground.word());
+  write(button, say(map.ground.word()));
   write(byId("attribution"), map.ground.attribution());
 }
 
@@ -149,8 +160,8 @@ function showLines(next) {
   const rows = [...next.said].reverse().map((line) => {
     const row = element("li", "", line.level);
     const mark = element("span", MARKS[line.level]);
-    mark.title = line.level;
-    row.append(element("time", since(flightTime(next, line.at_s))), mark, element("span", line.text));
+    mark.title = say(line.level);
+    row.append(element("time", since(flightTime(next, line.at_s))), mark, element("span", translate(line.text)));
     return row;
   });
   byId("lines").replaceChildren(...rows);
@@ -168,6 +179,8 @@ async function loadChart(stamp) {
       planned = content.window;
       if (state !== null) showPlanned(state);
       chart.load(content);
+      byId("legend-out").hidden = !content.left_out.length;
+      byId("legend-barred").hidden = !content.unreachable.length;
       assets.load(content);
       charted = stamp;
     }
@@ -214,7 +227,7 @@ document.addEventListener("keydown", (event) => {
   else if (key === "y") briefing.answer();
   else if (key === "?") byId("help", HTMLDialogElement).showModal();
   else if (KEYS[key] && chosen) ask(KEYS[key], chosen);
-  else if (KEYS[key]) intents.tell("Choose a vehicle first, with its number", "refused");
+  else if (KEYS[key]) intents.tell(say("Choose a vehicle first, with its number"), "refused");
   else if (key === "/" && !byId("assets").hidden) assets.find();
   else if (MOVES[key] && !document.activeElement?.closest("#vehicles, #assets")) map.move(STEP_PX * MOVES[key][0], STEP_PX * MOVES[key][1]);
   else if (key === "+" || key === "=") map.zoom(1.4);

@@ -1,8 +1,11 @@
 // The plan page's server: what is asked of it, and what is kept and sent again while it does not answer.
+import { language, translate } from "./translation.js";
 
 /** @import { ChangeAnswer, Change, Checklist, Edit, FlightEntry, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, PlanDocument, Schema, TryAnswer, Workspace } from "../plan.js" */
 
 const RETRY_MS = 1000;
+// What of an answer is said to people, in English.
+const SAID = new Set(["error", "lines", "message", "remarks", "save_error", "unreachable", "violations", "why", "words"]);
 
 /** What the server refused, in one line; with the newest workspace where another tab was first. */
 export class Refusal extends Error {
@@ -28,6 +31,24 @@ export class Refusal extends Error {
 export class Unanswered extends Error {}
 
 /**
+ * An answer with what it says in the reader's language.
+ * @template {Json} Answer
+ * @param {Answer} answer
+ * @returns {Answer}
+ */
+function inOwnWords(answer) {
+  if (language === "en") return answer;
+  /** @type {(value: Json, isSaid: boolean) => Json} */
+  const put = (value, isSaid) => {
+    if (typeof value === "string") return isSaid ? translate(value) : value;
+    if (value === null || typeof value !== "object") return value;
+    for (const [key, one] of Object.entries(value)) value[key] = put(one, Array.isArray(value) ? isSaid : SAID.has(key));
+    return value;
+  };
+  return put(answer, false);
+}
+
+/**
  * @param {string} path
  * @param {RequestInit} [request]
  */
@@ -42,7 +63,7 @@ async function ask(path, request) {
   /** @type {Json} */
   let body;
   try {
-    body = isJson ? await answer.json() : await answer.text();
+    body = isJson ? inOwnWords(await answer.json()) : translate(await answer.text());
   } catch (error) {
     throw new Unanswered(String(error));
   }
@@ -169,7 +190,7 @@ export function listen(news, heard) {
   const stream = new EventSource("/api/events");
   stream.addEventListener("message", (event) => {
     heard(true);
-    news(JSON.parse(event.data));
+    news(inOwnWords(JSON.parse(event.data)));
   });
   stream.addEventListener("open", () => heard(true));
   stream.addEventListener("error", () => {

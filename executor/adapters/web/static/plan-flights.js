@@ -3,6 +3,7 @@ import { element, write } from "./elements.js";
 import { server } from "./plan-api.js";
 import { button } from "./plan-forms.js";
 import { count, say } from "./plan-texts.js";
+import { translate } from "./translation.js";
 
 /** @import { Checklist, FlightEntry } from "../plan.js" */
 /** @import { Store } from "./plan-store.js" */
@@ -89,7 +90,7 @@ export class Flights {
     const list = element("ul", "", "checks");
     for (const one of [...checks].sort((a, b) => ORDER.indexOf(a.severity) - ORDER.indexOf(b.severity))) {
       const row = element("li", "", one.severity);
-      row.append(element("b", one.severity === "stop" ? "STOP" : one.severity === "warning" ? "warn" : "ok"), ` ${one.subject}: ${one.text}`);
+      row.append(element("b", one.severity === "stop" ? "STOP" : one.severity === "warning" ? "warn" : "ok"), ` ${translate(one.subject)}: ${translate(one.text)}`);
       list.append(row);
     }
     this.notice.replaceChildren(element("b", say(ready ? "fly.ready" : "fly.not-ready")), list);

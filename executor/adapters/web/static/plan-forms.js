@@ -4,7 +4,8 @@ import { element, write } from "./elements.js";
 import { server } from "./plan-api.js";
 import { formatValue, isGiven, kindOf, labelOf, meaningOf, parseValue, resolve, unitOf } from "./plan-schema.js";
 import { at } from "./plan-store.js";
-import { language, say } from "./plan-texts.js";
+import { say } from "./plan-texts.js";
+import { language } from "./translation.js";
 
 /** @import { Edit, Json, Path, Problem, Schema } from "../plan.js" */
 /** @import { Store } from "./plan-store.js" */

@@ -22,7 +22,8 @@ export class PlanMap {
     this.made = made;
     /** @type {Tool} */
     this.tool = "pick";
-    this.isFitted = false;
+    /** The network that the map was fitted to. */
+    this.fitted = "";
     this.grounded = "";
     this.wasLost = false;
     this.map = new FleetMap(byId("plan-map"), {
@@ -190,26 +191,24 @@ export class PlanMap {
     })));
     byId("legend-locked").hidden = !locks.size;
     byId("legend-out").hidden = !network?.segments.some((one) => one.left_out);
+    byId("legend-barred").hidden = !network?.segments.some((one) => one.unreachable && !one.left_out);
     byId("legend-left").hidden = !over.size;
     byId("chart").classList.toggle("planned", this.store.shown !== null);
     if (network) this.loadGround();
-    if (network && !this.isFitted) {
-      this.isFitted = true;
-      this.map.fit();
-    }
-    if (!network) this.isFitted = false;
+    if (network && this.fitted !== network.source) this.map.fit();
+    this.fitted = network?.source ?? "";
   }
 
   showGround() {
     const ground = this.store.ground;
     this.map.setAreas((ground?.areas ?? []).map((one) => ({
-      index: one.index, name: one.name, isLimit: one.kind !== "closed" && /limit|low|height/.test(one.kind), rings: one.rings,
+      index: one.index, name: one.name ?? "", isLimit: one.kind === "height-limit", rings: one.rings,
     })));
     this.map.setPlaces([
       ...(ground?.depot ? [{ kind: /** @type {const} */ ("depot"), name: this.store.shown ? "" : say("place.depot"), place: ground.depot }] : []),
       ...(ground?.pads ?? []).map((one) => ({ kind: /** @type {const} */ ("pad"), name: one.vehicle, place: one.place, colour: hueOf(this.store.names.indexOf(one.vehicle)) })),
       ...(ground?.bases ?? []).map((one) => ({ kind: /** @type {const} */ ("base"), ...one })),
-      ...(ground?.alternates ?? []).map((one) => ({ kind: /** @type {const} */ ("alternate"), ...one })),
+      ...(ground?.alternates ?? []).map((one) => ({ ...one, kind: /** @type {const} */ ("alternate") })),
     ]);
     this.map.setFootprints(ground?.footprints ?? []);
   }

@@ -217,20 +217,21 @@ export class Result {
 
   /** The vehicle at fault is taken out of the plan, and what the others would fly then is shown. */
   async lose() {
-    const { plan, vehicle, timeS, isDay } = this.store;
-    if (!plan || !vehicle || isDay) return;
+    const { plan, vehicle, timeS } = this.store;
+    if (!plan || !vehicle) return;
     const began = performance.now();
     const answer = await this.store.ask(() => server.lose(plan.summary.id, vehicle, timeS));
     if (!answer) return;
     this.store.loss = { ...answer, vehicle, at_s: timeS };
-    performance.measure("loss", { start: began });
     this.store.changed("loss");
+    // What was asked for is seen with the frame after the next one's begin.
+    requestAnimationFrame(() => requestAnimationFrame(() => performance.measure("loss", { start: began })));
   }
 
   /** @param {Change[]} changes */
   async change(changes) {
-    const { plan } = this.store;
-    if (!plan) return;
+    const { plan, mayChange } = this.store;
+    if (!plan || !mayChange) return;
     // Of two changes of one segment the later one holds.
     const all = new Map(this.store.changes.map((one) => [one.segment, one]));
     for (const one of changes) all.set(one.segment, { ...all.get(one.segment), ...one });
@@ -304,7 +305,7 @@ export class Result {
       this.store.loss = null;
       this.store.changed("loss");
     }));
-    this.notice.replaceChildren(element("h3", say("loss.title", { vehicle: loss.vehicle, time: clock(loss.at_s - this.store.beginS) })), facts, actions);
+    this.notice.replaceChildren(element("h3", say("loss.title", { vehicle: loss.vehicle, time: this.store.wordOf(loss.at_s) })), facts, actions);
   }
 
   showRoutes() {
@@ -401,7 +402,7 @@ export class Result {
     const picks = button(`${visit.reversed ? "←" : "→"} ${name}`, () => this.store.select([visit.segment], "toggle"), "pick");
     const time = element("span", clock(visit.from_s - this.store.beginS), "at");
     item.append(picks, time);
-    if (vehicle.routes.length === 1 && !this.store.loss) {
+    if (this.store.mayChange && !this.store.loss) {
       const actions = element("span", "", "hand");
       const act = (/** @type {string} */ text, /** @type {string} */ key, /** @type {Change} */ change, isIdle = false) => {
         const one = button(text, () => this.change([change]));

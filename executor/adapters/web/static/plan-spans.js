@@ -320,7 +320,7 @@ export class SelectionBar {
     write(this.what, this.by.describe());
     const names = this.store.names;
     const key = JSON.stringify([names, chosen.some((one) => one.left_out), chosen.some((one) => !one.left_out),
-      chosen.some((one) => this.actions.lockOf(one.name)), this.store.shown !== null]);
+      chosen.some((one) => this.actions.lockOf(one.name)), this.store.mayChange]);
     if (key === this.shown) return;
     this.shown = key;
     this.buttons.replaceChildren(...this.makeButtons(chosen, names));
@@ -343,7 +343,7 @@ export class SelectionBar {
     act("span.only", () => this.actions.only(), "");
     made.push(this.makeChoice("span.lock", names, (vehicle) => this.actions.lock(vehicle), "K"));
     if (chosen.some((one) => this.actions.lockOf(one.name))) act("span.unlock", () => this.actions.unlock(), "");
-    if (this.store.shown) {
+    if (this.store.mayChange) {
       made.push(this.makeChoice("span.give", [...names, NOBODY], (vehicle) => this.by.give(vehicle === NOBODY ? "" : vehicle), "G"));
       act("span.turn", () => this.by.turn(), "T");
     }

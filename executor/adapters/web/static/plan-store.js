@@ -3,6 +3,7 @@
 import { persist, Refusal, server, Unanswered } from "./plan-api.js";
 import { say } from "./plan-texts.js";
 import { momentOf } from "./plan-track.js";
+import { clock } from "./words.js";
 
 /** @import { Edit, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, Path, PlanDocument, PlannedVehicle, Problem, Schema, Workspace } from "../plan.js" */
 
@@ -38,6 +39,11 @@ export class Store {
     this.workspace = null;
     /** @type {NetworkDocument | null} */
     this.network = null;
+    /**
+     * Of its segments, by their numbers.
+     * @type {Map<number, string>}
+     */
+    this.segmentNames = new Map();
     /** @type {GroundPlaces | null} */
     this.ground = null;
     /** @type {PlanDocument | null} */
@@ -108,9 +114,14 @@ export class Store {
     return this.shown?.summary.kind === "day";
   }
 
+  /** Whether the plan can be changed by hand: days are planned as a whole. */
+  get mayChange() {
+    return this.shown !== null && !this.isDay;
+  }
+
   /** @param {number} segment */
   nameOf(segment) {
-    return this.network?.segments.find((one) => one.id === segment)?.name ?? `${segment}`;
+    return this.segmentNames.get(segment) ?? `${segment}`;
   }
 
   async begin() {
@@ -168,8 +179,7 @@ export class Store {
     const wanted = [];
     const isOther = !before || next.revision !== before.revision || next.checked !== before.checked;
     if (isOther) wanted.push(this.fetchGround());
-    // What is out of reach depends on nearly everything in the file.
-    if (isOther || digest !== (this.network?.digest ?? null)) wanted.push(this.fetchNetwork(digest));
+    if (digest !== (this.network?.digest ?? null)) wanted.push(this.fetchNetwork(digest));
     const summary = (/** @type {Workspace | null} */ of, /** @type {string | null} */ id) => ({ ...of?.plans.find((one) => one.id === id), stale: null });
     if (next.chosen !== (this.plan?.summary.id ?? null) || !same(summary(before, next.chosen), summary(next, next.chosen))) {
       wanted.push(this.fetchPlan(next.chosen));
@@ -190,6 +200,7 @@ export class Store {
 
   /** @param {string | null} digest */
   async fetchNetwork(digest) {
+    const before = this.network?.source;
     try {
       this.network = digest === null ? null : await server.network(digest);
     } catch (error) {
@@ -197,8 +208,10 @@ export class Store {
       else if (error instanceof Refusal) this.tell(error.message, "failed");
       this.network = null;
     }
-    const known = new Set(this.network?.segments.map((one) => one.id));
-    this.selection = new Set([...this.selection].filter((one) => known.has(one)));
+    this.segmentNames = new Map(this.network?.segments.map((one) => [one.id, one.name]));
+    // Of another file the same numbers are other segments.
+    const isSame = this.network?.source === before;
+    this.selection = new Set([...this.selection].filter((one) => isSame && this.segmentNames.has(one)));
     this.changed("network", "selection");
   }
 
@@ -243,6 +256,17 @@ export class Store {
   get endS() {
     const ends = this.vehicles.flatMap((one) => one.routes.map((route) => route.start_s + route.duration_s));
     return Math.max(this.beginS + 1, ...ends);
+  }
+
+  /**
+   * A time of the plan in words: from its begin, of days by the clock.
+   * @param {number} timeS
+   */
+  wordOf(timeS) {
+    if (!this.isDay && this.beginS < 3600) return `T+${clock(timeS)}`;
+    const day = Math.floor(timeS / 86400);
+    const time = `${String(Math.floor(timeS / 3600) % 24).padStart(2, "0")}:${String(Math.floor(timeS / 60) % 60).padStart(2, "0")}`;
+    return this.endS > 86400 ? say("times.day", { day: day + 1, time }) : time;
   }
 
   /**

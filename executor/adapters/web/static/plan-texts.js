@@ -1,35 +1,18 @@
-// The page's words in the reader's language, from catalogues of one file for each language.
+// The plan page's words in the reader's language, from catalogues of one file for each language.
 import { all } from "./elements.js";
+import { language, readCatalogue, useLanguage, wanted } from "./translation.js";
 
 /** @import { Path } from "../plan.js" */
 
-export const LANGUAGES = ["en", "de"];
 /** @type {Record<string, string>} */
 let texts = {};
 /** @type {Record<string, [string, string]>} */
 let fields = {};
-export let language = "en";
 
-/** The language that was asked for in the address, else the first known one of the browser's. */
-export function wanted() {
-  const asked = new URLSearchParams(location.search).get("lang");
-  const short = (/** @type {string} */ one) => one.toLowerCase().split("-")[0];
-  return [asked ?? "", ...navigator.languages].map(short).find((one) => LANGUAGES.includes(one)) ?? "en";
-}
-
-/** @param {string} name */
-async function read(name) {
-  const answer = await fetch(`/files/${name}`);
-  if (!answer.ok) throw new TypeError(`${name}: expected a catalogue`);
-  return answer.json();
-}
-
-/** @param {string} [chosen] */
 export async function loadTexts(chosen = wanted()) {
-  language = chosen;
-  document.documentElement.lang = chosen;
-  texts = await read(`plan-texts-${chosen}.json`);
-  fields = await read(`plan-fields-${chosen}.json`);
+  await useLanguage(chosen, ["page", "lines"]);
+  texts = await readCatalogue(`plan-texts-${chosen}.json`);
+  fields = await readCatalogue(`plan-fields-${chosen}.json`);
 }
 
 /**

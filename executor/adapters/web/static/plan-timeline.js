@@ -5,7 +5,6 @@ import { button } from "./plan-forms.js";
 import { drawBatteries, drawProfile } from "./plan-charts.js";
 import { hueOf } from "./map.js";
 import { figure, say } from "./plan-texts.js";
-import { clock } from "./words.js";
 
 /** @import { DayWindow, PlannedVehicle } from "../plan.js" */
 /** @import { Store } from "./plan-store.js" */
@@ -35,7 +34,7 @@ export class Timeline {
     }
     this.lost = button("", asked.lose, "danger");
     this.lost.id = "lose";
-    // Of a day no loss is thought through here: its plan says from when on one may be lost.
+    // Of a day its plan says beforehand from when on one may be lost.
     this.safe = element("span", "", "safe-from");
     head.append(this.time, this.tabs, this.safe, this.lost);
     this.slider = element("input");
@@ -77,14 +76,6 @@ export class Timeline {
     return Math.min(1, Math.max(0, (timeS - beginS) / Math.max(1e-9, endS - beginS)));
   }
 
-  /** @param {number} timeS */
-  wordOf(timeS) {
-    if (!this.store.isDay && this.store.beginS < 3600) return `T+${clock(timeS)}`;
-    const day = Math.floor(timeS / 86400);
-    const time = `${String(Math.floor(timeS / 3600) % 24).padStart(2, "0")}:${String(Math.floor(timeS / 60) % 60).padStart(2, "0")}`;
-    return this.store.endS > 86400 ? say("times.day", { day: day + 1, time }) : time;
-  }
-
   /**
    * A piece of a row from one time to another.
    * @param {number} fromS
@@ -120,7 +111,7 @@ export class Timeline {
     for (let at = Math.ceil(beginS / step) * step; at <= endS; at += step) {
       // The last one would stand beyond the edge.
       if (this.share(at) > 1 - 0.6 / lines) break;
-      const mark = element("span", this.wordOf(at));
+      const mark = element("span", this.store.wordOf(at));
       mark.style.left = `${100 * this.share(at)}%`;
       marks.push(mark);
     }
@@ -138,10 +129,10 @@ export class Timeline {
     const { beginS } = this.store;
     track.append(this.piece(beginS + fromS, beginS + summary.longest_s, "inside"));
     const { breaking } = summary;
-    let words = fromS <= 0 ? say("window.always") : say("window.from", { time: this.wordOf(beginS + fromS) });
+    let words = fromS <= 0 ? say("window.always") : say("window.from", { time: this.store.wordOf(beginS + fromS) });
     if (breaking) {
       track.append(this.piece(beginS + breaking.from_s, beginS + breaking.to_s, "breaking"));
-      words += ` · ${say("window.breaks", { vehicle: breaking.vehicle, from: this.wordOf(beginS + breaking.from_s), to: this.wordOf(beginS + breaking.to_s) })}`;
+      words += ` · ${say("window.breaks", { vehicle: breaking.vehicle, from: this.store.wordOf(beginS + breaking.from_s), to: this.store.wordOf(beginS + breaking.to_s) })}`;
     }
     const label = element("span", words, "said");
     const before = element("span", say("window"), "who");
@@ -164,7 +155,7 @@ export class Timeline {
       track.append(this.piece(route.start_s, route.start_s + route.duration_s, "route"));
       for (const visit of route.visits) {
         const piece = this.piece(visit.from_s, visit.to_s, planned.includes(visit.segment) ? "visit" : "visit again");
-        piece.title = `${this.store.nameOf(visit.segment)} ${visit.reversed ? "←" : "→"} ${this.wordOf(visit.from_s)}`;
+        piece.title = `${this.store.nameOf(visit.segment)} ${visit.reversed ? "←" : "→"} ${this.store.wordOf(visit.from_s)}`;
         track.append(piece);
       }
     }
@@ -184,7 +175,7 @@ export class Timeline {
 
   /** @param {DayWindow} safe */
   describeSafe({ vehicle, from_s: fromS }) {
-    return fromS <= this.store.beginS ? say("window.day-always", { vehicle }) : say("window.day", { vehicle, time: this.wordOf(fromS) });
+    return fromS <= this.store.beginS ? say("window.day-always", { vehicle }) : say("window.day", { vehicle, time: this.store.wordOf(fromS) });
   }
 
   /**
@@ -206,9 +197,7 @@ export class Timeline {
       row.classList.toggle("chosen", isChosen);
       row.querySelector(".who")?.setAttribute("aria-pressed", String(isChosen));
     }
-    const { isDay, shown } = this.store;
-    this.lost.hidden = isDay;
-    const safe = shown?.windows?.find((one) => one.vehicle === vehicle);
+    const safe = this.store.shown?.windows?.find((one) => one.vehicle === vehicle);
     write(this.safe, safe ? this.describeSafe(safe) : "");
     this.lost.disabled = vehicle === null;
     const words = vehicle === null ? say("lose.who") : say("lose.here", { vehicle });
@@ -221,9 +210,9 @@ export class Timeline {
   showTime() {
     const { shown, timeS } = this.store;
     if (!shown) return;
-    write(this.time, this.wordOf(timeS));
+    write(this.time, this.store.wordOf(timeS));
     this.slider.value = String(Math.round(STEPS * this.share(timeS)));
-    this.slider.setAttribute("aria-valuetext", this.wordOf(timeS));
+    this.slider.setAttribute("aria-valuetext", this.store.wordOf(timeS));
     const at = `${100 * this.share(timeS)}%`;
     for (const now of all(this.place, ".now")) now.style.left = at;
     const rows = all(this.rows, ".row");
@@ -238,7 +227,7 @@ export class Timeline {
     const { timeS, loss } = this.store;
     const moment = this.store.momentOf(vehicle);
     if (!moment) return say("at.stays");
-    if (loss?.vehicle === vehicle.name && timeS >= loss.at_s) return say("at.lost", { time: this.wordOf(loss.at_s) });
+    if (loss?.vehicle === vehicle.name && timeS >= loss.at_s) return say("at.lost", { time: this.store.wordOf(loss.at_s) });
     const battery = moment.batteryPct === null ? "" : ` · ${figure(moment.batteryPct)} %`;
     const over = timeS >= moment.route.start_s + moment.route.duration_s;
     const what = moment.visit ? say("at.inspects", { name: this.store.nameOf(moment.visit.segment) })

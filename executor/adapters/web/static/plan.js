@@ -1,5 +1,5 @@
 // The page on which a crew makes its flight: wires the steps, the map, the plan and the times to one store.
-import { all, byId, element, find, write } from "./elements.js";
+import { all, byId, find, write } from "./elements.js";
 import { listen, persist, server } from "./plan-api.js";
 import { dayStep, inspectionStep, otherStep, vehiclesStep } from "./plan-fleet.js";
 import { Flights } from "./plan-flights.js";
@@ -10,8 +10,9 @@ import { Result } from "./plan-result.js";
 import { SelectionBar, SpanActions, spansStep } from "./plan-spans.js";
 import { Steps } from "./plan-steps.js";
 import { Store } from "./plan-store.js";
-import { count, fill, LANGUAGES, language, loadTexts, say } from "./plan-texts.js";
+import { count, fill, loadTexts, say } from "./plan-texts.js";
 import { Timeline } from "./plan-timeline.js";
+import { offerLanguages } from "./translation.js";
 
 /** @import { Schema } from "../plan.js" */
 
@@ -119,18 +120,7 @@ function listenToButtons(store, steps) {
   });
   byId("keys").addEventListener("click", () => byId("help", HTMLDialogElement).showModal());
   for (const one of all(byId("views"), "button")) one.addEventListener("click", () => show(one.dataset.view ?? ""));
-  const menu = byId("language", HTMLSelectElement);
-  for (const one of LANGUAGES) {
-    const option = element("option", say(`language.${one}`));
-    option.value = one;
-    menu.append(option);
-  }
-  menu.value = language;
-  menu.addEventListener("change", () => {
-    const address = new URL(location.href);
-    address.searchParams.set("lang", menu.value);
-    location.assign(address);
-  });
+  offerLanguages(byId("language", HTMLSelectElement));
 }
 
 /**

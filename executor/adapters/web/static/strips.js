@@ -2,6 +2,7 @@
 import { all, element, find, write } from "./elements.js";
 import { label } from "./intents.js";
 import { hueOf } from "./map.js";
+import { say, translate, translateDocument } from "./translation.js";
 import { LEAST_FIX, age, clock, flightTime, gps, known, number, place, since, stateWord, windFrom } from "./words.js";
 
 /** @import { State, Vehicle } from "../documents.js" */
@@ -33,7 +34,7 @@ const CALM_M_S = 0.5;
 const FOUND = new Set(["lost", "down", "pilot"]);
 
 /** @type {Record<string, string>} */
-const PHASES = { takeoff: "takes off", transit: "on the way to", inspect: "inspects", return: "on the way home", land: "lands" };
+const PHASES = { takeoff: "takes off", transit: "on the way to {segment}", inspect: "inspects {segment}", return: "on the way home", land: "lands" };
 
 const TEMPLATE = `
   <div class="top"><h3></h3><span class="state"></span><span class="offered">can take off</span><span class="eta"></span></div>
@@ -109,6 +110,7 @@ export class Strips {
     strip.dataset.vehicle = vehicle.name;
     strip.style.setProperty("--hue", hueOf(index));
     strip.innerHTML = TEMPLATE;
+    translateDocument(strip);
     find(strip, "h3").textContent = vehicle.name;
     strip.addEventListener("click", () => this.choose_(vehicle.name));
     strip.addEventListener("focusin", () => this.choose_(vehicle.name));
@@ -149,12 +151,12 @@ export class Strips {
     write(word, stateWord(vehicle.state));
     word.className = `state is-${vehicle.state}${vehicle.fault ? " is-fault" : ""}`;
     part(".offered").hidden = !vehicle.offered;
-    write(part(".eta"), vehicle.lands_in_s === null ? "" : `lands in ${clock(vehicle.lands_in_s)}`);
+    write(part(".eta"), vehicle.lands_in_s === null ? "" : say("lands in {time}", { time: clock(vehicle.lands_in_s) }));
     const position = vehicle.position;
-    const height = position ? `${number(position.relative_alt_m)} m, ${number(position.ground_speed_m_s, 1)} m/s` : "no position";
-    const armed = vehicle.armed && ["ground", "landed", "down"].includes(vehicle.state) ? " · ARMED" : "";
-    write(part(".where"), `layer ${vehicle.layer + 1} · ${height}${vehicle.mode ? ` · ${vehicle.mode}` : ""}${armed}`);
-    write(part(".why"), vehicle.fault ? why(vehicle.fault, vehicle.fault_kind) : vehicle.excluded ? "excluded by the operator" : "");
+    const height = position ? `${number(position.relative_alt_m)} m, ${number(position.ground_speed_m_s, 1)} m/s` : say("no position");
+    const armed = vehicle.armed && ["ground", "landed", "down"].includes(vehicle.state) ? ` · ${say("ARMED")}` : "";
+    write(part(".where"), `${say("layer {number}", { number: vehicle.layer + 1 })} · ${height}${vehicle.mode ? ` · ${vehicle.mode}` : ""}${armed}`);
+    write(part(".why"), vehicle.fault ? why(vehicle.fault, vehicle.fault_kind) : vehicle.excluded ? say("excluded by the operator") : "");
     write(part(".hands"), hands(vehicle, state));
     write(part(".turn"), turn(vehicle));
     this.battery(strip, vehicle);
@@ -210,9 +212,9 @@ export class Strips {
     }
     write(find(strip, ".volts"), vehicle.voltage_v === null ? "" : `${number(vehicle.voltage_v, 1)} V`);
     const parts = [`<b>${number(battery.measured_pct)} %</b>`];
-    if (known) parts.push(`plan ${spread(predicted, battery.predicted_band_pct)}`);
+    if (known) parts.push(say("plan {spread}", { spread: spread(predicted, battery.predicted_band_pct) }));
     if (battery.landing_pct !== null) {
-      parts.push(`needs ${number(battery.to_finish_pct)} %`, `lands with ${spread(battery.landing_pct, battery.landing_band_pct)}`);
+      parts.push(say("needs {share} %", { share: number(battery.to_finish_pct) }), say("lands with {spread}", { spread: spread(battery.landing_pct, battery.landing_band_pct) }));
     }
     const text = parts.map((one) => `<span>${one}</span>`).join(" · ");
     const place = find(strip, ".figures");
@@ -231,9 +233,10 @@ export class Strips {
     find(gauge, ".level").style.width = `${done * one}%`;
     find(gauge, ".part").style.left = `${done * one}%`;
     find(gauge, ".part").style.width = `${(share ?? 0) * one}%`;
-    const now = phase === null ? "" : ` · ${PHASES[phase]}${segment === null ? "" : ` ${name ?? `segment ${segment}`}`}`;
+    const where = segment === null ? "" : (name ?? say("segment {segment}", { segment }));
+    const now = phase === null ? "" : ` · ${say(PHASES[phase], { segment: where })}`;
     const done100 = share ? `, ${number(100 * share)} %` : "";
-    write(find(strip, ".route"), `${done} of ${total} flown${now}${done100}`);
+    write(find(strip, ".route"), say("{done} of {total} flown", { done, total }) + now + done100);
   }
 
   /**
@@ -242,10 +245,10 @@ export class Strips {
    */
   link(strip, vehicle) {
     const part = (/** @type {string} */ selector) => find(strip, selector);
-    const heard = vehicle.link_age_s === null ? "never heard" : `${age(vehicle.link_age_s + this.behindS)} old`;
+    const heard = ageWord(vehicle.link_age_s, this.behindS);
     // Of one that is silent the share says nothing.
     const lost = vehicle.stale || vehicle.state === "lost" ? 0 : (vehicle.link_loss ?? 0);
-    write(part(".link"), lost >= LOSSY ? `${heard} · ${number(100 * lost)} % of frames lost` : heard);
+    write(part(".link"), lost >= LOSSY ? `${heard} · ${say("{lost} % of frames lost", { lost: number(100 * lost) })}` : heard);
     const links = part(".links");
     links.hidden = vehicle.links.length === 0;
     write(find(links, ".note"), vehicle.links.map((one) => this.one(one)).join(" · "));
@@ -260,9 +263,9 @@ export class Strips {
    * @param {Vehicle["links"][number]} link
    */
   one(link) {
-    const heard = link.heard_age_s === null ? "never heard" : `${age(link.heard_age_s + this.behindS)} old`;
-    const lost = link.loss !== null && link.loss >= LOSSY ? `, ${number(100 * link.loss)} % lost` : "";
-    return `${link.connection} ${heard}${lost}${link.used ? ", in use" : ""}`;
+    const heard = ageWord(link.heard_age_s, this.behindS);
+    const lost = link.loss !== null && link.loss >= LOSSY ? say(", {lost} % lost", { lost: number(100 * link.loss) }) : "";
+    return `${link.connection} ${heard}${lost}${link.used ? say(", in use") : ""}`;
   }
 
   /**
@@ -279,18 +282,18 @@ export class Strips {
     const last = FOUND.has(vehicle.state) || ageS > OLD_S;
     // Of one without GPS what counts is where it was with a fix: what it reckons since may be far off.
     const fix = position.last_fix;
-    write(part(".when"), fix ? "Last GPS fix" : last ? "Last at" : "At");
+    write(part(".when"), say(fix ? "Last GPS fix" : last ? "Last at" : "At"));
     write(part(".place"), place(fix ?? position));
-    const reckoned = fix ? `${age(fix.age_s + this.behindS)} ago, at ${number(fix.ground_speed_m_s)} m/s; now about ${place(position)}, ` : "";
-    const since = last ? `, ${number(position.relative_alt_m)} m, ${age(ageS)} ago` : "";
+    const reckoned = fix ? say("{age} ago, at {speed} m/s; now about {place}, ", { age: age(fix.age_s + this.behindS), speed: number(fix.ground_speed_m_s), place: place(position) }) : "";
+    const since = last ? say(", {height} m, {age} ago", { height: number(position.relative_alt_m), age: age(ageS) }) : "";
     write(part(".since"), `${reckoned}${known(position)}${since}`);
     part(".air").hidden = wind === null || last;
     if (wind === null) return;
     part(".arrow").style.transform = `rotate(${wind.from_deg}deg)`;
     const calm = wind.speed_m_s < CALM_M_S;
     part(".arrow").hidden = calm;
-    write(part(".wind"), calm ? "calm" : `${number(wind.speed_m_s, 1)} m/s from ${windFrom(wind.from_deg)}`);
-    part(".air").title = `Wind from ${number(wind.from_deg)}°, as it measures it`;
+    write(part(".wind"), calm ? say("calm") : say("{speed} m/s from {from}", { speed: number(wind.speed_m_s, 1), from: windFrom(wind.from_deg) }));
+    part(".air").title = say("Wind from {from}°, as it measures it", { from: number(wind.from_deg) });
   }
 
   /**
@@ -301,10 +304,10 @@ export class Strips {
     const loss = vehicle.loss;
     const left = loss?.left_over.length ?? 0;
     place.className = `loss ${loss === null ? "" : loss.inside_window ? "in" : "out"}`;
-    place.title = loss === null ? "" : loss.uncovered.map((segment) => this.names[segment] ?? `segment ${segment}`).join(", ");
-    if (loss === null) write(place, "not known");
-    else if (loss.inside_window) write(place, left ? `✓ others finish all but the ${left} left over` : "✓ others finish all");
-    else write(place, `✗ ${loss.uncovered.length}${left ? ` more than the ${left}` : ""} left over`);
+    place.title = loss === null ? "" : loss.uncovered.map((segment) => this.names[segment] ?? say("segment {segment}", { segment })).join(", ");
+    if (loss === null) write(place, say("not known"));
+    else if (loss.inside_window) write(place, left ? say("✓ others finish all but the {left} left over", { left }) : say("✓ others finish all"));
+    else write(place, say(left ? "✗ {count} more than the {left} left over" : "✗ {count} left over", { count: loss.uncovered.length, left }));
   }
 
   /**
@@ -317,7 +320,7 @@ export class Strips {
     const last = mine.at(-1);
     const fresh = last && state.now_s - last.at_s < INTENT_S * Math.max(1, state.speedup ?? 1);
     place.className = `told ${fresh ? last.outcome : ""}`;
-    write(place, fresh ? `${label(last.action)}: ${last.outcome === "accepted" ? "under way" : last.outcome}, ${last.text || last.question}` : "");
+    write(place, fresh ? `${label(last.action)}: ${last.outcome === "accepted" ? say("under way") : translate(last.outcome)}, ${translate(last.text || last.question)}` : "");
   }
 }
 
@@ -326,8 +329,14 @@ export class Strips {
  * @param {string | null} kind
  */
 function why(fault, kind) {
-  return kind === null || fault.startsWith(kind) ? fault : `${kind}: ${fault}`;
+  return kind === null || fault.startsWith(kind) ? translate(fault) : `${translate(kind)}: ${translate(fault)}`;
 }
+
+/**
+ * @param {number | null} ageS
+ * @param {number} behindS
+ */
+const ageWord = (ageS, behindS) => (ageS === null ? say("never heard") : say("{age} old", { age: age(ageS + behindS) }));
 
 /**
  * What holds of a vehicle in other hands.
@@ -338,10 +347,10 @@ function hands(vehicle, state) {
   const taken = vehicle.taken;
   if (taken === null) return "";
   const began = since(flightTime(state, taken.since_s));
-  const opening = began ? `Hands off since ${began}. ` : "Hands off. ";
-  if (taken.returned) return "Its pilot has put it back on its mission: include it to go on.";
-  if (taken.kept_s > 0) return `${opening}Its segments are kept for it for ${clock(taken.kept_s)}.`;
-  return `${opening}Nothing is kept for it.`;
+  const opening = began ? say("Hands off since {time}.", { time: began }) : say("Hands off.");
+  if (taken.returned) return say("Its pilot has put it back on its mission: include it to go on.");
+  if (taken.kept_s > 0) return `${opening} ${say("Its segments are kept for it for {time}.", { time: clock(taken.kept_s) })}`;
+  return `${opening} ${say("Nothing is kept for it.")}`;
 }
 
 /**
@@ -350,8 +359,8 @@ function hands(vehicle, state) {
  */
 function turn(vehicle) {
   if (!vehicle.turn) return "";
-  const pack = vehicle.turn.pack ? `pack ${vehicle.turn.pack}` : "";
-  return [`sortie ${vehicle.turn.sortie}`, pack, vehicle.turn.text].filter(Boolean).join(" · ");
+  const pack = vehicle.turn.pack ? say("pack {pack}", { pack: vehicle.turn.pack }) : "";
+  return [say("sortie {number}", { number: vehicle.turn.sortie }), pack, translate(vehicle.turn.text)].filter(Boolean).join(" · ");
 }
 
 /**
@@ -363,9 +372,10 @@ async function copied(place, button) {
   try {
     // Not there without TLS on another computer's page: what is marked can be copied by hand.
     await navigator.clipboard.writeText(place.textContent ?? "");
-    write(button, "Copied");
+    write(button, say("Copied"));
   } catch {
-    write(button, document.execCommand("copy") ? "Copied" : "Marked");
+    const isCopied = document.execCommand("copy");
+    write(button, say(isCopied ? "Copied" : "Marked"));
   }
-  setTimeout(() => write(button, "Copy"), 2000);
+  setTimeout(() => write(button, say("Copy")), 2000);
 }

@@ -1,4 +1,6 @@
 // How times, places and states are shown: as in the terminal and in the report.
+import { say, translate, writeFigure } from "./translation.js";
+
 /** @import { PositionView, State, Vehicle } from "../documents.js" */
 
 /** @type {Record<string, string>} */
@@ -8,7 +10,7 @@ const WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW
 export const LEAST_FIX = 3;
 
 /** @param {number | null | undefined} value */
-export const number = (value, digits = 0) => (value === null || value === undefined ? "?" : value.toFixed(digits));
+export const number = (value, digits = 0) => (value === null || value === undefined ? "?" : writeFigure(value.toFixed(digits)));
 
 /**
  * m:ss, with hours where there are some.
@@ -37,14 +39,14 @@ export const since = (flightS) => (flightS === null || flightS === undefined || 
 export const flightTime = (state, atS) => (state.flight_s === null ? null : atS - (state.now_s - state.flight_s));
 
 /** @param {string} state */
-export const stateWord = (state) => STATES[state] ?? state;
+export const stateWord = (state) => translate(STATES[state] ?? state);
 
 /** @param {Vehicle} vehicle */
 export function gps(vehicle) {
   if (vehicle.gps_fix === null) return "GPS ?";
-  const kind = FIXES[vehicle.gps_fix] ?? `fix ${vehicle.gps_fix}`;
+  const kind = translate(FIXES[vehicle.gps_fix] ?? `fix ${vehicle.gps_fix}`);
   const shown = vehicle.gps_fix === 0 ? kind : `GPS ${kind}`;
-  return vehicle.satellites === null ? shown : `${shown}, ${vehicle.satellites} sat`;
+  return vehicle.satellites === null ? shown : say("{kind}, {satellites} sat", { kind: shown, satellites: vehicle.satellites });
 }
 
 /**
@@ -61,11 +63,11 @@ export const place = (at) => [at.lat_deg, at.lon_deg].map((deg) => deg.toFixed(d
  * @param {PositionView} position
  */
 export const known = (position) =>
-  position.known === "reckoned" ? `reckoned without GPS, off by ${number(position.accuracy_m)} m or more`
-    : position.known === "fix" ? `GPS, ${number(position.accuracy_m, 1)} m` : "GPS not reported";
+  position.known === "reckoned" ? say("reckoned without GPS, off by {off} m or more", { off: number(position.accuracy_m) })
+    : position.known === "fix" ? `GPS, ${number(position.accuracy_m, 1)} m` : say("GPS not reported");
 
 /** @param {number} fromDeg */
-export const windFrom = (fromDeg) => WINDS[Math.round((((fromDeg % 360) + 360) % 360) / 22.5) % 16];
+export const windFrom = (fromDeg) => say(WINDS[Math.round((((fromDeg % 360) + 360) % 360) / 22.5) % 16]);
 
 /**
  * What is shown of an age: tenths of a second mean nothing when it is long.

@@ -7,29 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pytest
 from matplotlib.axes import Axes
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from PIL import Image
 
-from executor.analysis.flight_record import FlightRecord, read_run
-from executor.analysis.pictures import draw_flight_figure, draw_plan_figure, save_figure
+from executor.analysis.pictures import draw_plan_figure, save_figure
 from executor.analysis.pictures.map_sheet import describe_ground
 from executor.analysis.pictures.style import DPI
 from executor.site.ground_view import GroundView, compute_shown_area
 from missions.readers.background_files import Background
-from tests.executor.flights import first_plan_file, write_run
+from tests.executor.flights import first_plan_file
 from tests.executor.grounds import Hills, ground_about
 
 PLACES_M = first_plan_file().ends_m.reshape(-1, 2)
-
-
-@pytest.fixture(scope="module")
-def record(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
-    run = tmp_path_factory.mktemp("finished")
-    write_run(run)
-    return read_run(run)
 
 
 def drawn(figure: Figure) -> npt.NDArray[np.uint8]:
@@ -66,27 +57,27 @@ def test_a_picture_lies_where_it_belongs_under_a_veil() -> None:
     assert min(*red, *blue) > 90  # what is drawn over it can be told from it
 
 
-def test_the_view_stays_as_it_is_without_ground(record: FlightRecord) -> None:
+def test_the_view_stays_as_it_is_without_ground() -> None:
     for view in (ground_about(PLACES_M, hills=Hills()), ground_about(PLACES_M, photo=False, hills=Hills())):
-        plain, over = draw_flight_figure(record), draw_flight_figure(record, view)
+        plain, over = draw_plan_figure(first_plan_file()), draw_plan_figure(first_plan_file(), view)
         for one, other in zip(plain.axes, over.axes, strict=True):
             assert (one.get_xlim(), one.get_ylim()) == (other.get_xlim(), other.get_ylim())
     nothing = GroundView(*compute_shown_area(PLACES_M))
-    assert (drawn(draw_flight_figure(record)) == drawn(draw_flight_figure(record, nothing))).all()
+    assert (drawn(draw_plan_figure(first_plan_file())) == drawn(draw_plan_figure(first_plan_file(), nothing))).all()
 
 
-def test_the_strip_with_scale_and_north_stays_white(record: FlightRecord) -> None:
-    figure = draw_flight_figure(record, halves())
+def test_the_strip_with_scale_and_north_stays_white() -> None:
+    figure = draw_plan_figure(first_plan_file(), halves())
     for axes in figure.axes:
         west, east = axes.get_xlim()
         south, _ = axes.get_ylim()
         assert colour_at(figure, axes, (west + 0.5 * (east - west), south + 3.0)) == [255, 255, 255]
 
 
-def test_contour_lines_are_drawn_with_their_heights(record: FlightRecord) -> None:
+def test_contour_lines_are_drawn_with_their_heights() -> None:
     view = ground_about(PLACES_M, photo=False, hills=Hills())
     assert view.relief is not None
-    figure = draw_flight_figure(record, view)
+    figure = draw_plan_figure(first_plan_file(), view)
     for axes in figure.axes:
         [lines] = [one for one in axes.collections if isinstance(one, ContourSet)]
         assert len(lines.allsegs) > 5
@@ -96,9 +87,9 @@ def test_contour_lines_are_drawn_with_their_heights(record: FlightRecord) -> Non
         assert any("contours every 10 m" in one.get_text() for one in axes.texts)
 
 
-def test_whom_the_ground_is_by_has_room_in_the_strip(record: FlightRecord) -> None:
+def test_whom_the_ground_is_by_has_room_in_the_strip() -> None:
     long = GroundView(*compute_shown_area(PLACES_M), halves().background, attribution="© " + "a very long name " * 30)
-    figure = draw_flight_figure(record, long)
+    figure = draw_plan_figure(first_plan_file(), long)
     drawn(figure)
     for axes in figure.axes:
         [text] = [one for one in axes.texts if "©" in one.get_text()]
@@ -109,6 +100,6 @@ def test_whom_the_ground_is_by_has_room_in_the_strip(record: FlightRecord) -> No
     assert describe_ground(halves()) == "© Land survey"
 
 
-def test_a_large_picture_is_drawn_into_a_file(record: FlightRecord, tmp_path: Path) -> None:
-    save_figure(draw_flight_figure(record, ground_about(PLACES_M, hills=Hills())), tmp_path / "map.png")
-    assert (tmp_path / "map.png").stat().st_size > 100_000
+def test_a_large_picture_is_drawn_into_a_file(tmp_path: Path) -> None:
+    save_figure(draw_plan_figure(first_plan_file(), ground_about(PLACES_M, hills=Hills())), tmp_path / "plan.png")
+    assert (tmp_path / "plan.png").stat().st_size > 100_000

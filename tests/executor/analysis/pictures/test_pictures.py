@@ -18,17 +18,15 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox, BboxBase
 
-from executor.analysis.flight_record import FlightRecord, SegmentRecord, read_run
+from executor.analysis.flight_record import FlightRecord, read_run
 from executor.analysis.pictures import (
     draw_battery_figure,
-    draw_flight_figure,
     draw_front_figure,
     draw_plan_figure,
     draw_window_figure,
     save_figure,
 )
 from executor.analysis.pictures.battery_figure import spread_heights
-from executor.analysis.pictures.map_figures import group_connected
 from executor.analysis.pictures.map_sheet import LabelPlacer, find_farthest, round_length_m
 from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
 from missions import PlanFile, Window
@@ -62,9 +60,8 @@ def unfinished(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
 def drawn(record: FlightRecord, unfinished: FlightRecord) -> list[Figure]:
     """Return all kinds of figures as they are when they have been drawn."""
     figures = [
-        draw_flight_figure(record),
-        draw_flight_figure(unfinished),
         draw_battery_figure(record),
+        draw_battery_figure(unfinished),
         draw_plan_figure(first_plan_file()),
     ]
     for figure in figures:
@@ -73,11 +70,10 @@ def drawn(record: FlightRecord, unfinished: FlightRecord) -> list[Figure]:
     return figures
 
 
-def test_three_files_of_the_promised_size(record: FlightRecord, tmp_path: Path) -> None:
+def test_two_files_of_the_promised_size(record: FlightRecord, tmp_path: Path) -> None:
     save_figure(draw_plan_figure(first_plan_file()), tmp_path / "plan.png")
-    save_figure(draw_flight_figure(record), tmp_path / "map.png")
     save_figure(draw_battery_figure(record), tmp_path / "battery.png")
-    for name in ("plan.png", "map.png", "battery.png"):
+    for name in ("plan.png", "battery.png"):
         content = (tmp_path / name).read_bytes()
         assert content.startswith(PNG)
         assert int.from_bytes(content[16:20], "big") == 1800
@@ -88,33 +84,14 @@ def test_a_picture_that_cannot_be_written_says_so(tmp_path: Path) -> None:
         save_figure(draw_plan_figure(first_plan_file()), tmp_path / "nowhere" / "plan.png")
 
 
-def test_the_map_says_who_was_lost_and_who_took_over(record: FlightRecord) -> None:
-    first, flown = draw_flight_figure(record).axes
-    assert (first.get_title(loc="left"), flown.get_title(loc="left")) == ("First plan", "As flown")
-    assert _words(first) == {"uav1", "uav2"}
-    assert _words(flown) == {
-        "uav1", "uav2", "uav3", "uav2 lost: link\nT+0:50", "uav3 took over 1\nfrom uav2",
-        "uav1 took over 1\nfrom uav2",
-    }  # fmt: skip
-    crosses = [line for line in flown.lines if line.get_marker() == "X"]
-    assert [np.ravel(line.get_xydata()).tolist() for line in crosses] == [pytest.approx([250.0, 0.0], abs=1e-3)]
-
-
-def test_on_the_map_plans_are_solid_and_replans_dashed(record: FlightRecord) -> None:
-    first, flown = draw_flight_figure(record).axes
-    for axes, solid, dashed in ((first, 4, 0), (flown, 3, 4)):
-        # A route is two lines, its inspections and its transits; a track is one.
-        lines = [line for line in axes.lines if line.get_color() in COLOURS]
-        assert sum(line.get_linestyle() == "-" for line in lines) == solid
-        assert sum(line.get_linestyle() == "--" for line in lines) == dashed
-
-
-def test_the_map_names_what_was_not_inspected(unfinished: FlightRecord) -> None:
-    figure = draw_flight_figure(unfinished)
-    assert "not inspected:\n1" in _words(figure.axes[1])
-    assert _legend_words(figure) >= {"lost", "re-planned", "not inspected", "left by a lost vehicle"}
-    red = [line for line in figure.axes[1].lines if line.get_color() == LOSS and len(_x(line)) == 2]
-    assert [_x(line).tolist() for line in red] == [pytest.approx([200.0, 300.0], abs=1e-3)]
+def test_the_map_of_a_plan_names_its_vehicles_and_draws_inspections_wide() -> None:
+    figure = draw_plan_figure(first_plan_file())
+    (axes,) = figure.axes
+    assert axes.get_title(loc="left") == "Plan"
+    assert _words(axes) == {"uav1", "uav2"}
+    assert _legend_words(figure) >= {"uav1", "uav2", "uav3", "planned inspection", "planned transit", "depot"}
+    routes = [line for line in axes.lines if line.get_color() in COLOURS]
+    assert [line.get_linewidth() for line in routes] == [0.8, 2.8, 0.8, 2.8]
 
 
 def test_legends_lie_beside_the_maps(drawn: list[Figure]) -> None:
@@ -134,18 +111,11 @@ def test_no_words_lie_on_other_words(drawn: list[Figure]) -> None:
             assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
 
 
-def test_a_line_due_east_is_drawn_in_panels_above_each_other(record: FlightRecord) -> None:
-    first, flown = (axes.get_position() for axes in draw_flight_figure(record).axes)
-    assert flown.y1 < first.y0
-    assert (first.x0, first.x1) == (flown.x0, flown.x1)
-
-
-def test_a_metre_is_as_long_to_the_north_as_to_the_east(record: FlightRecord) -> None:
-    for figure in (draw_flight_figure(record), draw_plan_figure(first_plan_file())):
-        for axes in figure.axes:
-            box = axes.get_window_extent()
-            per_m = (box.width / np.ptp(axes.get_xlim()), box.height / np.ptp(axes.get_ylim()))
-            assert per_m[0] == pytest.approx(per_m[1], rel=1e-6)
+def test_a_metre_is_as_long_to_the_north_as_to_the_east() -> None:
+    (axes,) = draw_plan_figure(first_plan_file()).axes
+    box = axes.get_window_extent()
+    per_m = (box.width / np.ptp(axes.get_xlim()), box.height / np.ptp(axes.get_ylim()))
+    assert per_m[0] == pytest.approx(per_m[1], rel=1e-6)
 
 
 def test_the_battery_figure_has_plans_replans_and_measurements(record: FlightRecord) -> None:
@@ -223,12 +193,6 @@ def test_the_calmest_place_is_the_farthest_from_the_nearest_other() -> None:
     places = np.array([(0.0, 0.0), (10.0, 0.0), (20.0, 0.0)])
     assert find_farthest(places, np.array([(1.0, 0.0), (21.0, 0.0)])) == 1
     assert find_farthest(places, np.zeros((0, 2))) == 0
-
-
-def test_segments_that_share_a_pylon_hang_together() -> None:
-    places = {1: (0, 100), 2: (200, 300), 3: (100, 200), 4: (500, 600)}
-    segments = [SegmentRecord(n, (float(a), 0.0), (float(b), 0.0), None, None) for n, (a, b) in places.items()]
-    assert [[one.id for one in group] for group in group_connected(segments)] == [[1, 2, 3], [4]]
 
 
 def _texts(axes: Axes) -> list[Annotation]:

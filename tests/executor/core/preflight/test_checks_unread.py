@@ -46,7 +46,7 @@ READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[Vehicle
     ("the link failsafe", onboard_failsafes.link_names, link_lines),
     (
         "the watched station",
-        lambda dialect: dialect.ground_station_failsafe.station_sysid[:1],
+        lambda dialect: onboard_failsafes.select_names(dialect.ground_station_failsafe.station_sysid),
         vehicle_checks.check_ground_stations,
     ),
     (
@@ -168,6 +168,22 @@ def test_figures_that_a_firmware_does_not_have_are_planned_with_and_said(dialect
     assert (check.severity, name in check.text) == (Severity.WARNING, True)
 
 
+@pytest.mark.parametrize("left_out", [None, "WPNAV_SPEED"])
+def test_how_copter_4_7_flies_is_known_by_its_new_names(left_out: str | None) -> None:
+    facts, names = said(), [tuning.parameter for tuning in ARDUPILOT.tunings]
+    renamed = {ARDUPILOT.other_names[name].name: 1.0 for name in names if name != left_out}
+    has = lacking(facts, *names).parameters | renamed
+    found = vehicle_checks.flight_times(replace(facts, parameters=has), ARDUPILOT)
+    assert ["it has no WPNAV_SPEED: " in check.text for check in found] == ([] if left_out is None else [True])
+    [check] = vehicle_checks.flight_times(replace(facts, parameters=has, unread=frozenset({"WP_SPD"})), ARDUPILOT)
+    assert (check.severity, "WP_SPD was not read" in check.text) == (Severity.STOP, True)
+
+
+def test_ground_that_is_followed_is_said_by_the_name_on_board() -> None:
+    [check] = vehicle_checks.check_terrain_following(said(WP_RFND_USE=2.0), ARDUPILOT)
+    assert (check.severity, "WP_RFND_USE 2" in check.text) == (Severity.WARNING, True)
+
+
 EARLY = "as soon as its time left in the air is only just enough to come home"
 
 
@@ -177,17 +193,23 @@ EARLY = "as soon as its time left in the air is only just enough to come home"
         ((1, 17, 0), {"COM_FLTT_LOW_ACT": 0.0}, []),
         ((1, 16, 0), {"COM_FLTT_LOW_ACT": 3.0}, [f"RTL {EARLY} (COM_FLTT_LOW_ACT=3)"]),
         ((1, 16, 0), {"COM_FLTT_LOW_ACT": 2.0}, [f"unknown action {EARLY} (COM_FLTT_LOW_ACT=2)"]),
-        ((1, 17, 0), {"COM_LOW_BAT_ACT": 3.0}, []),
+        ((1, 17, 0), {"COM_FLTT_LOW_ACT": 0.0, "COM_LOW_BAT_ACT": 3.0}, []),
+        ((1, 18, 0), {"COM_FLTT_LOW_ACT": 0.0, "COM_LOW_BAT_ACT": 3.0}, []),  # of its betas
+        ((1, 18, 0), {"COM_LOW_BAT_ACT": 1.0}, [f"RTL {EARLY} (COM_LOW_BAT_ACT=1)"]),
+        ((1, 18, 0), {"COM_LOW_BAT_ACT": 2.0}, []),
         ((1, 18, 0), {"COM_LOW_BAT_ACT": 3.0}, [f"RTL {EARLY} (COM_LOW_BAT_ACT=3)"]),
         ((1, 18, 0), {"COM_LOW_BAT_ACT": 5.0}, []),
         ((1, 18, 0), {"COM_LOW_BAT_ACT": 9.0}, []),
-        (None, {"COM_LOW_BAT_ACT": 3.0}, [f"RTL {EARLY} (COM_LOW_BAT_ACT=3) from 1.18 on"]),
+        (None, {"COM_LOW_BAT_ACT": 3.0}, [f"RTL {EARLY} (COM_LOW_BAT_ACT=3)"]),
+        (None, {"COM_FLTT_LOW_ACT": 0.0, "COM_LOW_BAT_ACT": 3.0}, []),
     ],
 )
 def test_a_return_long_before_the_battery_is_low(
     version: tuple[int, int, int] | None, changes: dict[str, float], early: list[str]
 ) -> None:
-    facts = replace(said(PX4, **changes), version=None if version is None else Version(*version))
+    """What has COM_FLTT_LOW_ACT returns early by that alone; 1.18 does not have it."""
+    has = lacking(said(PX4), "COM_FLTT_LOW_ACT").parameters | changes
+    facts = replace(said(PX4), parameters=has, version=None if version is None else Version(*version))
     found = vehicle_checks.check_battery_failsafe_settings(facts, PX4, 40.0)
     assert [check.text for check in found[1:]] == [
         f"battery failsafe: {one}: it may leave its mission" for one in early
@@ -195,9 +217,16 @@ def test_a_return_long_before_the_battery_is_low(
     assert all(check.severity is Severity.WARNING for check in found[1:])
 
 
-@pytest.mark.parametrize(("value", "last"), [(4.0, "flight termination"), (5.0, "land")])
-def test_what_newer_px4_does_on_a_low_battery_has_words(value: float, last: str) -> None:
-    [check] = vehicle_checks.check_battery_failsafe_settings(said(PX4, COM_LOW_BAT_ACT=value), PX4, 40.0)
+@pytest.mark.parametrize(
+    ("value", "last", "since"), [(4.0, "flight termination", Version(1, 19, 0)), (5.0, "land", Version(1, 18, 0))]
+)
+def test_what_newer_px4_does_on_a_low_battery_has_words(value: float, last: str, since: Version) -> None:
+    facts = replace(said(PX4, COM_LOW_BAT_ACT=value), version=since)
+    for older in (Version(1, 17, 0), None):
+        [check] = vehicle_checks.check_battery_failsafe_settings(replace(facts, version=older), PX4, 40.0)
+        assert check.severity is Severity.WARNING
+        assert "unknown action below 7 %" in check.text
+    [check] = vehicle_checks.check_battery_failsafe_settings(facts, PX4, 40.0)
     assert check.severity is Severity.OK
     assert check.text == (
         f"battery failsafe: RTL below 7 % (COM_LOW_BAT_ACT={value:g}), {last} below 5 % (COM_LOW_BAT_ACT={value:g})"

@@ -11,7 +11,7 @@ from executor.core.preflight.onboard_failsafes import (
     BatteryAction,
     LinkFailsafe,
 )
-from missions import ARDUPILOT, PX4
+from missions import ARDUPILOT, PX4, list_other_names
 from tests.executor.core.steps import rounded
 
 ARDU = {"FS_GCS_ENABLE": 1.0, "FS_GCS_TIMEOUT": 7.0, "SYSID_MYGCS": 254.0}
@@ -153,12 +153,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what is asked for by its older name",
+        "what is asked for by its other name",
         lambda: [
-            onboard_failsafes.list_older_parameters(ARDUPILOT, parameters)
-            for parameters in ({}, {"MAV_GCS_SYSID": 3.0}, ARDU)
+            list_other_names(ARDUPILOT, ["MAV_GCS_SYSID", "FS_OPTIONS", "WPNAV_SPEED"], parameters)
+            for parameters in ({}, {"MAV_GCS_SYSID": 3.0}, {"WPNAV_SPEED": 1.0})
         ],
-        [("SYSID_MYGCS",), (), ()],
+        [("SYSID_MYGCS", "WP_SPD"), ("WP_SPD",), ("SYSID_MYGCS",)],
     ),
     (
         "what a vehicle does on a low battery",

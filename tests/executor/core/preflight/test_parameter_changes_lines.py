@@ -11,7 +11,7 @@ from executor.core.interface.codes import Check
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight import parameter_changes
 from executor.core.preflight.parameter_changes import KeptParameter
-from missions import ARDUPILOT, PX4
+from missions import ARDUPILOT, PX4, list_other_names
 from tests.executor.builders import fleet_of
 from tests.executor.core.preflight.test_parameter_changes_proposed import with_return_ceiling
 from tests.executor.core.steps import rounded
@@ -186,8 +186,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             (
                 parameter_changes.list_return_parameters(dialect),
-                parameter_changes.list_newer_return_parameters(dialect, {}),
-                parameter_changes.list_newer_return_parameters(dialect, known(RTL_ALT=1.0)),
+                list_other_names(dialect, parameter_changes.list_return_parameters(dialect)),
+                list_other_names(dialect, parameter_changes.list_return_parameters(dialect), known(RTL_ALT=1.0)),
             )
             for dialect in (ARDUPILOT, PX4)
         ],

@@ -14,7 +14,7 @@ from executor.core.preflight import vehicle_checks as checks
 from executor.core.preflight.onboard_failsafes import Parameters
 from executor.core.preflight.vehicle_checks import VehicleFacts, describe_prearm_failure
 from executor.site import site_model
-from missions import ARDUPILOT, PX4, Dialect
+from missions import ARDUPILOT, PX4, Dialect, list_other_names
 from missions.surface import build_flat_surface
 from tests.executor.builders import fleet_of, site_of
 
@@ -79,9 +79,9 @@ def test_a_pad_is_as_high_as_the_depot(alt_m: float, found: list[Severity]) -> N
     )
 
 
-def lacking(facts: VehicleFacts, name: str) -> VehicleFacts:
-    """Return the same without the answer to one question."""
-    return replace(facts, parameters={key: value for key, value in facts.parameters.items() if key != name})
+def lacking(facts: VehicleFacts, *names: str) -> VehicleFacts:
+    """Return the same without the answers to some questions."""
+    return replace(facts, parameters={key: value for key, value in facts.parameters.items() if key not in names})
 
 
 def waited_s(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = None, speedup: float = 1.0) -> float:
@@ -104,10 +104,7 @@ def severities(checks: list[Check]) -> list[Severity]:
 def test_the_names_are_those_of_the_good_examples() -> None:
     assert {*onboard_failsafes.list_preflight_parameters(ARDUPILOT)} == {*COPTER}
     assert {*onboard_failsafes.list_preflight_parameters(PX4)} == {*PIXHAWK}
-    assert onboard_failsafes.list_older_parameters(ARDUPILOT, COPTER) == ()
-    assert onboard_failsafes.list_older_parameters(ARDUPILOT, lacking(said(), "MAV_GCS_SYSID").parameters) == (
-        "SYSID_MYGCS",
-    )
+    assert list_other_names(ARDUPILOT, COPTER, COPTER) == ()
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda one: str(one.name))
@@ -141,10 +138,11 @@ def test_another_autopilot_than_the_site_files_stops() -> None:
     [
         (ARDUPILOT, Version(4, 6, 0), Severity.OK), (ARDUPILOT, Version(4, 5, 7), Severity.WARNING),
         (PX4, Version(1, 15, 0), Severity.OK), (PX4, Version(1, 14, 3), Severity.WARNING),
-        (PX4, None, Severity.WARNING),
+        (PX4, None, Severity.WARNING), (PX4, Version(1, 18, 1), Severity.OK),
+        (PX4, Version(1, 19, 0), Severity.WARNING),
     ],
 )  # fmt: skip
-def test_an_old_firmware_is_a_warning_that_names_what_was_tested(
+def test_a_firmware_that_is_older_or_newer_is_a_warning_that_names_what_was_tested(
     dialect: Dialect, version: Version | None, severity: Severity
 ) -> None:
     [check] = checks.check_identity(replace(said(dialect), version=version), dialect, AT_HOME)

@@ -51,6 +51,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 ({"version": None}, (0.0, 0.0)),
                 ({"version": Version(4, 5, 9)}, (0.0, 0.0)),
                 ({"version": Version(4, 6, 0)}, (0.0, 0.0)),
+                ({"version": Version(4, 8, 0)}, (0.0, 0.0)),
                 ({"heartbeat": replace(FACTS.heartbeat, armed=True)}, (0.0, 0.0)),
                 ({"heartbeat": replace(FACTS.heartbeat, vehicle_type=1)}, (0.0, 0.0)),
                 ({"heartbeat": replace(FACTS.heartbeat, autopilot=12)}, (0.0, 0.0)),
@@ -64,6 +65,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [("warning: quadrotor, ArduPilot of unknown version; faultline is tested with Copter 4.7-dev")],
             [("warning: quadrotor, ArduPilot 4.5.9, which is older than 4.6; faultline is tested with Copter 4.7-dev")],
             ["ok: quadrotor, ArduPilot 4.6.0"],
+            [
+                (
+                    "warning: quadrotor, ArduPilot 4.8.0, newer than 4.7: what its parameters mean may have changed; "
+                    "faultline is tested with Copter 4.7-dev"
+                )
+            ],
             ["ok: quadrotor, ArduPilot 4.7.0", "stop: already armed, expected a disarmed vehicle on its pad"],
             [
                 "ok: fixed wing, ArduPilot 4.7.0",

@@ -1,0 +1,175 @@
+"""What the program says in another language: every line that readers of its pages see, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from functools import cache
+from html.parser import HTMLParser
+from string import Formatter
+
+import pytest
+from pydantic_core import PydanticKnownError
+
+from executor.adapters.web.page_server import STATIC
+from tests.executor.adapters.web.spoken import HAS_WORDS, counted_things, crew_lines, sentences
+from tests.test_architecture import ROOT, modules
+
+LANGUAGES = ("de",)
+READ = (
+    "executor/core/fleet_view.py", "executor/core/formatting.py", "executor/core/ground", "executor/core/imaging",
+    "executor/core/inflight/custody", "executor/core/operator", "executor/core/preflight",
+    "executor/core/telemetry/vehicle_identity.py", "executor/flight/preparation.py", "executor/plan_page/flights.py",
+    "executor/plan_page/plan_store.py", "executor/plan_page/plan_work.py", "executor/plan_page/planning.py",
+    "executor/plan_page/site_document.py", "executor/plan_page/site_files.py", "executor/plan_page/site_store.py",
+    "executor/plan_page/try_connection.py", "executor/plan_page/worker.py", "executor/plan_page/workspace.py",
+    "executor/protocols", "executor/runtime/dialogue.py", "executor/runtime/procedures.py",
+    "executor/runtime/vehicle_preflight.py", "executor/site/day_plans.py", "executor/site/flight_keys.py",
+    "executor/site/mqtt_and_web_keys.py", "executor/site/plan_summary.py", "executor/site/site_file.py",
+    "executor/site/site_keys.py", "executor/site/site_model.py", "executor/site/site_parts.py",
+    "executor/site/span_names.py", "missions/area_rules.py", "missions/clearance.py", "missions/fences.py",
+    "missions/files.py", "missions/geo.py", "missions/inspection_height.py", "missions/layers_and_rtl_heights.py",
+    "missions/line_heights.py", "missions/mission_comparison.py", "missions/network.py", "missions/no_fly_areas.py",
+    "missions/pads.py", "missions/plan_check.py", "missions/readers/__init__.py", "missions/readers/archives.py",
+    "missions/readers/area_files.py", "missions/readers/background_files.py", "missions/readers/features.py",
+    "missions/readers/geojson.py", "missions/readers/network_build.py", "missions/readers/raw_network.py",
+    "missions/readers/table.py", "missions/setup.py", "missions/terrain.py", "missions/validation.py",
+    "missions/viewpoints.py", "planner/evaluate.py",
+)  # fmt: skip
+"""Whose texts readers of a page see, beside the lines of `executor/core/lines`."""
+NO_WORDS = re.compile(
+    r"[\\+]|^SELECT|[\[(]\w[^ ]*$|^(Preflight Fail|Arming denied).$|page: http|^cost\.value|duration_s|energy_pct|"
+    r"^\S+: \{error\}$|\[inspection\] heights"
+)
+"""What is for no reader: patterns, queries, what autopilots say, and keys."""
+PYDANTIC = (
+    ("less_than_equal", {"le": 1}), ("greater_than_equal", {"ge": 1}), ("less_than", {"lt": 1}),
+    ("greater_than", {"gt": 1}), ("multiple_of", {"multiple_of": 1}), ("finite_number", None),
+    ("string_pattern_mismatch", {"pattern": "x"}), ("string_too_short", {"min_length": 1}),
+    ("string_too_long", {"max_length": 1}), ("too_short", {"field_type": "", "min_length": 1, "actual_length": 1}),
+    ("too_long", {"field_type": "", "max_length": 1, "actual_length": 1}),
+)  # fmt: skip
+"""What a check of the site file says in pydantic's own words."""
+FLIGHT_PAGE = (
+    "assets.js", "briefing.js", "chart.js", "freshness.js", "ground.js", "intents.js", "offers.js", "page.js",
+    "strips.js", "words.js",
+)  # fmt: skip
+SAY = re.compile(r'\b(?:say|sayCount)\(((?:[^()"]|"[^"]*"|\([^()]*\))*)')
+TEXT = re.compile(r'"([^"]*[A-Za-z][^"]*)"')
+IN_TABLES = re.compile(r'"([A-Z][a-z]*(?: [^"<>]+)?)"')
+"""Words that a table of the page has for a state, or an order."""
+
+
+KEYS_OF_BROWSERS = {"A", "B", "D", "H", "I", "L", "N", "R", "S", "W", "X", "Enter", "Escape", "GPS", "POST", "Tab"}
+
+
+@cache
+def catalogue(name: str) -> dict[str, str]:
+    found = json.loads(STATIC.joinpath(name).read_text(encoding="utf-8"))
+    assert isinstance(found, dict)
+    return found
+
+
+@cache
+def said() -> frozenset[str]:
+    """Return every text of the program that could be shown."""
+    paths = [*modules("executor"), *modules("missions"), *modules("planner")]
+    return frozenset((*crew_lines(), *counted_things(paths), *(text for path in paths for text in sentences(path))))
+
+
+def pydantic_words() -> Iterator[str]:
+    for kind, context in PYDANTIC:
+        text = PydanticKnownError(kind, context).message_template  # type: ignore[arg-type]
+        words = re.sub(r"^(\w+|\{field_type\}) should (be |have )?", "", text)
+        yield from (words.replace("{expected_plural}", ending) for ending in ("", "s"))
+
+
+def read_by_people() -> Iterator[str]:
+    """Yield every text that has to have its words in each language."""
+    yield from crew_lines()
+    yield from pydantic_words()
+    read = [path for path in modules("executor") + modules("missions") + modules("planner")
+            if path.relative_to(ROOT).as_posix().startswith(READ)]  # fmt: skip
+    yield from counted_things(read)
+    yield from (text for path in read for text in sentences(path) if not NO_WORDS.search(text))
+
+
+def names(text: str) -> set[str]:
+    return {name for _, name, _, _ in Formatter().parse(text) if name}
+
+
+class Words(HTMLParser):
+    """Collects the words of a document."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: set[str] = set()
+        self._tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._tags.append(tag)
+        self.found |= {value for name, value in attrs if name in {"aria-label", "title", "placeholder"} and value}
+
+    def handle_data(self, data: str) -> None:
+        if self._tags and self._tags[-1] not in {"kbd", "title", "h1"}:
+            self.found.add(data.strip())
+
+
+def words_of_flight_page() -> set[str]:
+    """Return what the page of a flight says of itself."""
+    page = Words()
+    page.feed(STATIC.joinpath("page.html").read_text(encoding="utf-8").partition("<body>")[2])
+    strips = STATIC.joinpath("strips.js").read_text(encoding="utf-8")
+    page.feed(strips.partition("TEMPLATE = `")[2].partition("`")[0])
+    found = {words for words in page.found if HAS_WORDS.search(words)}
+    for file in FLIGHT_PAGE:
+        text = STATIC.joinpath(file).read_text(encoding="utf-8")
+        found |= {one for part in SAY.findall(text) for one in TEXT.findall(part)}
+        found |= {one for one in IN_TABLES.findall(text) if one not in KEYS_OF_BROWSERS}
+    return found
+
+
+def tables_of_flight_page() -> str:
+    """Return the sources whose tables have words that are said by a name."""
+    return "\n".join(STATIC.joinpath(file).read_text(encoding="utf-8") for file in FLIGHT_PAGE)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_line_that_a_page_shows_has_its_words_in_every_language(language: str) -> None:
+    known = catalogue(f"lines-{language}.json")
+    wanted = {text for text in read_by_people() if HAS_WORDS.search(re.sub(r"\{[^}]*\}", "", text))}
+    assert sorted(wanted - set(known)) == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_no_words_are_left_that_nobody_says(language: str) -> None:
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in modules("executor") + modules("missions"))
+    idle = [
+        text for text in catalogue(f"lines-{language}.json")
+        if text not in said() and text not in set(pydantic_words())
+        and f'"{text}"' not in sources and f"'{text}'" not in sources
+    ]  # fmt: skip
+    assert idle == []
+
+
+@pytest.mark.parametrize("name", [f"{kind}-{language}.json" for kind in ("lines", "page") for language in LANGUAGES])
+def test_a_line_has_the_same_values_in_every_language(name: str) -> None:
+    assert {words for words, text in catalogue(name).items() if names(words) != names(text)} == set()
+    assert all(text.strip() for text in catalogue(name).values())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_page_of_a_flight_has_its_words_in_every_language(language: str) -> None:
+    known = catalogue(f"page-{language}.json")
+    tables = tables_of_flight_page()
+    assert sorted(words_of_flight_page() - set(known)) == []
+    assert [words for words in known if words not in words_of_flight_page() and f'"{words}"' not in tables] == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_words_of_both_catalogues_mean_the_same(language: str) -> None:
+    page, lines = catalogue(f"page-{language}.json"), catalogue(f"lines-{language}.json")
+    assert {
+        words: (page[words], lines[words]) for words in page.keys() & lines.keys() if page[words] != lines[words]
+    } == {}

@@ -1,0 +1,68 @@
+"""Windows plans, checks, replays and serves the plan page; to fly, it says in one line what to use."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+import httpx
+import pytest
+
+from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
+from executor.flight.restore_vehicles import PARAMETERS
+from tests.recorded import Writer, flight
+from tests.test_extras import SITE, build_command, called
+
+WINDOWS = "import tests.windows; tests.windows.pretend()"
+DONE = (
+    "--version",
+    "plan site.toml --seconds 0.1 -o plan.json",
+    "check plan.json",
+    "window plan.json",
+    "replan plan.json --lost uav1 --at 20 --seconds 0.1",
+    "export plan.json -o exported",
+    "replay flight.tlog",
+)
+NOT_FLOWN = ("fly site.toml --yes --run run1", "demo --run run2", "restore run --yes --quiet")
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, str, str]]:
+    folder = tmp_path_factory.mktemp("windows")
+    (folder / "site.toml").write_text(SITE, encoding="utf-8")
+    writer = Writer()
+    flight(writer, 1, range(60))
+    writer.write(folder / "flight.tlog")
+    (folder / "run").mkdir()
+    changed = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", stage=ChangeStage.SET)
+    PARAMETERS.write(folder / "run", [changed])
+    (folder / "run" / "site.toml").write_text(SITE, encoding="utf-8")
+    return called(folder, [*DONE, *NOT_FLOWN], first=WINDOWS)
+
+
+@pytest.mark.parametrize("call", DONE)
+def test_windows_does_it(call: str, said: Mapping[str, tuple[int, str, str]]) -> None:
+    code, _, err = said[call]
+    assert (code, "faultline:" in err) == (0, False), err
+
+
+@pytest.mark.parametrize("call", NOT_FLOWN)
+def test_windows_flies_nothing_and_says_what_does(call: str, said: Mapping[str, tuple[int, str, str]]) -> None:
+    code, _, err = said[call]
+    assert (code, err.splitlines()[-1].count("WSL 2")) == (2, 1), err
+    assert "Traceback" not in err
+
+
+def test_windows_serves_the_plan_page(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text(SITE, encoding="utf-8")
+    command = build_command([], ["open --no-browser"], first=WINDOWS, captured=False)
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as page:
+        assert page.stdout is not None
+        try:
+            line = page.stdout.readline()
+            assert line.startswith("page: http://127.0.0.1:"), line
+            assert httpx.get(line.removeprefix("page: ").strip(), timeout=60).status_code == 200
+        finally:
+            page.send_signal(signal.SIGINT)
