@@ -111,7 +111,7 @@ class Px4(Px4Guided):
             messages.MavCommand.MISSION_START: self._start_mission,
             messages.MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
             messages.MavCommand.NAV_LAND: self._handle_land_command,
-            **self._guided_commands(),
+            **self._list_guided_commands(),
         }
 
     # Modes.

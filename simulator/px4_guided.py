@@ -55,7 +55,7 @@ class Px4Guided(Autopilot):
         self._lost_set_points = False
         """Whether it returns because none came."""
 
-    def _guided_commands(self) -> dict[int, Handler]:
+    def _list_guided_commands(self) -> dict[int, Handler]:
         return {
             messages.MavCommand.NAV_TAKEOFF: self._take_off,
             messages.MavCommand.DO_REPOSITION: self._reposition,

@@ -21,7 +21,7 @@ ANSWERS = frozenset({
 _KEPT_IDS = frozenset(
     getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in ANSWERS if hasattr(dialect, f"MAVLINK_MSG_ID_{name}")
 )
-LIST_DIRECTORY, NAK = 3, 129
+LIST_DIRECTORY, ACK, NAK = 3, 128, 129
 """Of MAVFTP."""
 _LISTS = {1: ", fence", 2: ", rally points"}
 """MAV_MISSION_TYPE."""
@@ -127,7 +127,7 @@ def describe_answer(message: MavMessage) -> str | None:
             kind = _name_entry("FIRMWARE_VERSION_TYPE", version & 255, "FIRMWARE_VERSION_TYPE_")
             bits = " ".join(str(bit) for bit in range(64) if message.capabilities >> bit & 1)
             return f"AUTOPILOT_VERSION {number} {kind}, capabilities {bits}"
-        case "FILE_TRANSFER_PROTOCOL":
+        case "FILE_TRANSFER_PROTOCOL" if message.payload[3] in {ACK, NAK}:
             return _describe_file_answer(bytes(message.payload))
         case _:
             return None
