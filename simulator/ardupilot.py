@@ -35,6 +35,9 @@ SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
 """From the recorded flights: (present, enabled, healthy)."""
 BATTERY_BIT = 0x02000000
 FENCE_BIT = 0x00100000
+POLYGON_BIT, ALL_FENCES = 4, 15
+"""Of FENCE_TYPE."""
+BANNER = ("ArduCopter V4.7.0-dev (00000000)", "Frame: QUAD/X")
 GIVES_UP_M = 100.0
 """AC_FENCE_GIVE_UP_DISTANCE."""
 EKF_BOOT = 1024
@@ -101,6 +104,8 @@ class ArduPilot(Autopilot):
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0
         self._shapes: tuple[mission_store.FenceShape, ...] = ()
+        self._ordered: tuple[float, int] | None = None
+        """What FENCE_ENABLE was when a station said which kinds of fence hold, and these."""
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
         self._drifts = False
@@ -129,7 +134,14 @@ class ArduPilot(Autopilot):
             messages.MavCommand.NAV_LOITER_UNLIM: lambda _: self.set_mode(Mode.LOITER),
             messages.MavCommand.DO_REPOSITION: self._reposition,
             messages.MavCommand.CONDITION_YAW: self._turn,
+            messages.MavCommand.DO_FENCE_ENABLE: self._enable_fence,
+            messages.MavCommand.DO_SEND_BANNER: self._say_banner,
         }
+
+    def _say_banner(self, _: messages.Command) -> messages.Result:
+        for text in BANNER:
+            self.voice.send_text(messages.Severity.INFO, text)
+        return messages.Result.ACCEPTED
 
     def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
         self._file_server = ArduPilotFileServer(
@@ -393,9 +405,27 @@ class ArduPilot(Autopilot):
             self._gcs_failsafe = False
             self.voice.send_text(messages.Severity.WARNING, "GCS Failsafe Cleared")
 
+    @property
+    def _fence_kinds(self) -> int:
+        """The kinds of FENCE_TYPE that hold now: a station's word holds until FENCE_ENABLE is set anew."""
+        if self._ordered is not None and self._ordered[0] == self.params["FENCE_ENABLE"]:
+            return self._ordered[1]
+        return int(self.params["FENCE_TYPE"]) if self.params["FENCE_ENABLE"] else 0
+
+    def _enable_fence(self, command: messages.Command) -> messages.Result:
+        """Let kinds of fence hold, or none; 2 is about a floor, which is not simulated."""
+        order, kinds = command.integer_param(0), command.integer_param(1) or ALL_FENCES
+        configured = int(self.params["FENCE_TYPE"]) & kinds
+        present = configured if self._shapes else configured & ~POLYGON_BIT
+        if order not in {0, 1, 2} or (order == 1 and not present):
+            return messages.Result.FAILED
+        now = self._fence_kinds
+        self._ordered = self.params["FENCE_ENABLE"], (now & ~kinds, now | configured, now)[order]
+        return messages.Result.ACCEPTED
+
     def _watch_fence(self) -> None:
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
-        if not self.params["FENCE_ENABLE"] or self.frame.body.on_ground:
+        if not self._fence_kinds or self.frame.body.on_ground:
             return
         place, was_outside = self.frame.body.place, self._outside
         found = self._find_breaches(place)
@@ -418,13 +448,13 @@ class ArduPilot(Autopilot):
         self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
 
     def _find_breaches(self, place: Place) -> list[str]:
-        kinds = int(self.params["FENCE_TYPE"]) if self.params["FENCE_ENABLE"] else 0
+        kinds = self._fence_kinds
         return [
             name
             for bit, name, out in (
                 (1, "Max Alt", place.up_m > self.params["FENCE_ALT_MAX"]),
                 (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
-                (4, "Polygon", not mission_store.is_inside(self._shapes, place)),
+                (POLYGON_BIT, "Polygon", not mission_store.is_inside(self._shapes, place)),
             )
             if kinds & bit and out
         ]
@@ -494,7 +524,7 @@ class ArduPilot(Autopilot):
         if not self.is_ready:
             return SENSORS_BOOT
         present, enabled, healthy = SENSORS_ARMED if self.frame.armed else SENSORS_IDLE
-        if self.params["FENCE_ENABLE"]:
+        if self._fence_kinds:
             enabled |= FENCE_BIT
             healthy = healthy & ~FENCE_BIT if self._outside else healthy | FENCE_BIT
         healthy = healthy & ~GPS_BIT if self.positioning.without_s(self.now_s) else healthy

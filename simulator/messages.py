@@ -62,6 +62,7 @@ class MavCommand(IntEnum):
     DO_CHANGE_ALTITUDE = 186
     DO_REPOSITION = 192
     DO_PAUSE_CONTINUE = 193
+    DO_FENCE_ENABLE = 207
     DO_SET_MISSION_CURRENT = 224
     PREFLIGHT_REBOOT_SHUTDOWN = 246
     MISSION_START = 300
@@ -73,6 +74,7 @@ class MavCommand(IntEnum):
     REQUEST_MESSAGE = 512
     REQUEST_AUTOPILOT_CAPABILITIES = 520
     DO_GIMBAL_MANAGER_CONFIGURE = 1001
+    DO_SEND_BANNER = 42428
 
 
 class FileOperation(IntEnum):
@@ -193,6 +195,15 @@ class MissionCount:
     """MISSION_COUNT."""
 
     count: int
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionWritePartialList:
+    """MISSION_WRITE_PARTIAL_LIST: some of the items on board are sent anew."""
+
+    first: int
+    last: int
     mission_type: int
 
 
@@ -326,8 +337,9 @@ class Ping:
 
 
 MissionMessage = (
-    MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionAckReceived | MissionClearAll
-)
+    MissionCount | MissionWritePartialList | ItemReceived | MissionRequestList | MissionRequest | MissionAckReceived
+    | MissionClearAll
+)  # fmt: skip
 Body = (
     Heartbeat | Command | SetMode | MissionMessage | MissionSetCurrent | ParamRequestList | ParamRequestRead | ParamSet
     | SetPoint | FileRequest | RequestDataStream | RadioStatus | Timesync | Ping
@@ -352,7 +364,7 @@ def describe_order(body: Body) -> str:
             return "order mission file"
         case MissionClearAll():
             return "order clear"
-        case MissionSetCurrent(seq):
+        case MissionSetCurrent(seq) | MissionWritePartialList(seq):
             return f"order item {seq}"
         case ParamSet(name):
             return f"order parameter {name}"

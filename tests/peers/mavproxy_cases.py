@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import common as mav
 
-from tests.peers.judging import PLACE_DEG, Subject, Suite
+from tests.peers.judging import ASK_AGAIN_S, PLACE_DEG, Subject, Suite
 
 NORTH_DEG = 0.001
 FILES = "wp,fence,rally,param,ftp,mode,arm,cmdlong,misc"
@@ -209,7 +209,10 @@ def name_parameter(at: Console) -> str:
 
 
 async def fetch_parameters(at: Console) -> None:
+    """Fetch them; MAVProxy does so by itself as well, so it is asked until it has them all."""
     await at.ask("param fetch", "Received ")
+    while len({*(await at.ask("param status", "Have ")).split()[-2].split("/")}) != 1:  # noqa: ASYNC110 - nobody tells
+        await asyncio.sleep(ASK_AGAIN_S)
 
 
 async def show_parameter(at: Console) -> None:

@@ -526,6 +526,12 @@ def test_pause_and_continue_in_auto() -> None:
     assert speed_now(op) > 4
 
 
+def test_it_says_what_it_is() -> None:
+    op = operator()
+    assert op.command(MavCommand.DO_SEND_BANNER) == 0
+    assert op.texts()[-2:] == ["ArduCopter V4.7.0-dev (00000000)", "Frame: QUAD/X"]
+
+
 def test_unknown_modes_and_commands_are_refused() -> None:
     op = operator()
     assert op.mode(99) == 4
