@@ -185,7 +185,7 @@ async function main() {
 main().then(
   () => process.exit(0),
   (fault) => {
-    console.error(fault.message);
+    process.stderr.write(`${fault.message}\n`);
     process.exit(1);
   },
 );
