@@ -22,7 +22,7 @@ from tests.sitl import real
 
 T = TypeVar("T")
 AUTOPILOTS = ("px4", "ardupilot")
-PATIENCE_S = 25.0
+PATIENCE_S = 60.0
 """Real seconds for a case; most clients give up earlier."""
 READY_S = 90.0
 """Real seconds in which a real autopilot may be armed."""
