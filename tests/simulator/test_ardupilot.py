@@ -46,6 +46,7 @@ def test_set_message_interval_and_data_streams_are_followed() -> None:
     op.run(10)
     assert len(op.sent("SYS_STATUS")) == 20
     assert len(op.sent("MISSION_CURRENT")) == 20
+    assert len(op.sent("EKF_STATUS_REPORT")) == 20
 
 
 def test_a_full_radio_makes_every_interval_longer_and_an_empty_one_shorter_again() -> None:
