@@ -35,9 +35,10 @@ SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
 """From the recorded flights: (present, enabled, healthy)."""
 BATTERY_BIT = 0x02000000
 FENCE_BIT = 0x00100000
-POLYGON_BIT, ALL_FENCES = 4, 15
+POLYGON_BIT = 4
 """Of FENCE_TYPE."""
 BANNER = ("ArduCopter V4.7.0-dev (00000000)", "Frame: QUAD/X")
+EVERY_FENCE = 0xFF
 GIVES_UP_M = 100.0
 """AC_FENCE_GIVE_UP_DISTANCE."""
 EKF_BOOT = 1024
@@ -104,10 +105,9 @@ class ArduPilot(Autopilot):
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0
         self._shapes: tuple[mission_store.FenceShape, ...] = ()
-        self._ordered: tuple[float, int] | None = None
-        """What FENCE_ENABLE was when a station said which kinds of fence hold, and these."""
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
+        self._fences_on = self._fences_off = 0
         self._drifts = False
         """Whether it flies at a speed that was asked for as guided."""
         self._battery_level = 0
@@ -344,6 +344,7 @@ class ArduPilot(Autopilot):
     def _on_boot(self) -> None:
         self.mode = Mode.STABILIZE
         self.hands = self._breached = False
+        self._fences_on = self._fences_off = 0
         self._gcs_failsafe = self._ekf_failsafe = False
         self.store.slow_s = 0.0
         self._battery_level = 0
@@ -405,27 +406,9 @@ class ArduPilot(Autopilot):
             self._gcs_failsafe = False
             self.voice.send_text(messages.Severity.WARNING, "GCS Failsafe Cleared")
 
-    @property
-    def _fence_kinds(self) -> int:
-        """The kinds of FENCE_TYPE that hold now: a station's word holds until FENCE_ENABLE is set anew."""
-        if self._ordered is not None and self._ordered[0] == self.params["FENCE_ENABLE"]:
-            return self._ordered[1]
-        return int(self.params["FENCE_TYPE"]) if self.params["FENCE_ENABLE"] else 0
-
-    def _enable_fence(self, command: messages.Command) -> messages.Result:
-        """Let kinds of fence hold, or none; 2 is about a floor, which is not simulated."""
-        order, kinds = command.integer_param(0), command.integer_param(1) or ALL_FENCES
-        configured = int(self.params["FENCE_TYPE"]) & kinds
-        present = configured if self._shapes else configured & ~POLYGON_BIT
-        if order not in {0, 1, 2} or (order == 1 and not present):
-            return messages.Result.FAILED
-        now = self._fence_kinds
-        self._ordered = self.params["FENCE_ENABLE"], (now & ~kinds, now | configured, now)[order]
-        return messages.Result.ACCEPTED
-
     def _watch_fence(self) -> None:
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
-        if not self._fence_kinds or self.frame.body.on_ground:
+        if not self._fences or self.frame.body.on_ground:
             return
         place, was_outside = self.frame.body.place, self._outside
         found = self._find_breaches(place)
@@ -447,8 +430,23 @@ class ArduPilot(Autopilot):
         far = mission_store.distance_outside_m(self._shapes, place) > GIVES_UP_M
         self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
 
+    @property
+    def _fences(self) -> int:
+        """Kinds of fences that are on, in the bits of FENCE_TYPE: by parameter, or by command until it restarts."""
+        on = -1 if self.params["FENCE_ENABLE"] else 0
+        return (on | self._fences_on) & ~self._fences_off & int(self.params["FENCE_TYPE"])
+
+    def _enable_fence(self, command: messages.Command) -> messages.Result:
+        order, kinds = command.integer_param(0), command.integer_param(1) or EVERY_FENCE
+        if order not in {0, 1}:
+            return messages.Result.ACCEPTED if order == 2 else messages.Result.FAILED  # 2 is of least heights alone
+        if order and not int(self.params["FENCE_TYPE"]) & kinds & (-1 if self._shapes else ~POLYGON_BIT):
+            return messages.Result.FAILED
+        self._fences_on = self._fences_on | kinds if order else self._fences_on & ~kinds
+        self._fences_off = self._fences_off & ~kinds if order else self._fences_off | kinds
+        return messages.Result.ACCEPTED
+
     def _find_breaches(self, place: Place) -> list[str]:
-        kinds = self._fence_kinds
         return [
             name
             for bit, name, out in (
@@ -456,7 +454,7 @@ class ArduPilot(Autopilot):
                 (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
                 (POLYGON_BIT, "Polygon", not mission_store.is_inside(self._shapes, place)),
             )
-            if kinds & bit and out
+            if self._fences & bit and out
         ]
 
     def _watch_gcs(self) -> None:
@@ -524,7 +522,7 @@ class ArduPilot(Autopilot):
         if not self.is_ready:
             return SENSORS_BOOT
         present, enabled, healthy = SENSORS_ARMED if self.frame.armed else SENSORS_IDLE
-        if self._fence_kinds:
+        if self._fences:
             enabled |= FENCE_BIT
             healthy = healthy & ~FENCE_BIT if self._outside else healthy | FENCE_BIT
         healthy = healthy & ~GPS_BIT if self.positioning.without_s(self.now_s) else healthy

@@ -390,11 +390,12 @@ def guided(dialect: Dialect) -> Chapter:
         step("a place among them", *(replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.2),) * 60,
              replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.02), Look()),
         step("and silence", Look(4.0)),
-        step("stay", order(LOITER_UNLIM), Look(1.0)),
+        step("stay", order(LOITER_UNLIM)),
         step("land", order(LAND), Until(What.DISARMED, limit_s=200.0, narrate=True), Look(3.0)),
     ))  # fmt: skip
 
 
 CHAPTERS = {
     "questions": questions, "transfers": transfers, "flight": flight, "ending": ending, "files": files,
+    "guided": guided,
 }  # fmt: skip

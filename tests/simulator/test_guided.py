@@ -67,6 +67,15 @@ def test_ardupilot_refuses_a_place_outside_its_fence_and_one_that_is_nowhere() -
     assert place(op, MavCommand.DO_REPOSITION, 60, 0, -1, 1, frame=99) == messages.Result.DENIED
 
 
+def test_ardupilots_fence_is_switched_by_command_too() -> None:
+    op = flying(AutopilotKind.ARDUPILOT)
+    assert op.command(MavCommand.DO_FENCE_ENABLE, 1) == messages.Result.ACCEPTED
+    assert place(op, MavCommand.DO_REPOSITION, 900, 0, -1, 1) == messages.Result.FAILED
+    assert op.command(MavCommand.DO_FENCE_ENABLE, 0, 2) == messages.Result.ACCEPTED
+    assert place(op, MavCommand.DO_REPOSITION, 900, 0, -1, 1) == messages.Result.ACCEPTED, "the circle is off"
+    assert op.command(MavCommand.DO_FENCE_ENABLE, 3) == messages.Result.FAILED
+
+
 def test_px4_says_that_a_place_is_outside_its_fence_and_stays() -> None:
     op = flying(AutopilotKind.PX4)
     op.vehicle.params["GF_MAX_HOR_DIST"] = 100.0
