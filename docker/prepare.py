@@ -21,6 +21,7 @@ from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, USUAL_VEHICL
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import MissionsError
+from missions.files import write_whole
 
 
 def fleet(pattern: dict[str, object], vehicles: int, speedup: float, page: str | None = None) -> dict[str, object]:
@@ -62,9 +63,10 @@ def main() -> int:
         ground = site_model.load_site_model(check_site(content, str(given.pattern)), given.pattern.parent)
         frame = ground.network.frame
         pads = [(*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m) for pad in ground.setup.pads]
-        (given.into / "site.toml").write_text(tomlkit.dumps(content), encoding="utf-8")
         lines = [f"{lat_deg:.7f} {lon_deg:.7f} {alt_m:.1f}\n" for lat_deg, lon_deg, alt_m in pads]
-        (given.into / "pads").write_text("".join(lines), encoding="utf-8")
+        # podman may run this again while the vehicles start: they read a whole file then.
+        write_whole(given.into / "site.toml", tomlkit.dumps(content).encode())
+        write_whole(given.into / "pads", "".join(lines).encode())
     except (OSError, ValueError, ExecutorError, MissionsError) as error:
         print(f"prepare: {given.pattern}: {error}", file=sys.stderr)
         return 2

@@ -165,7 +165,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/plan_page/test_planning.py": (
         "executor/plan_page/plan_store.py",
-        "executor/plan_page/plan_view.py",
         "executor/plan_page/plan_work.py",
         "executor/plan_page/worker_site.py",
     ),

@@ -12,7 +12,7 @@ from importlib import import_module
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 OURS = ("executor", "faultline", "missions", "planner", "simulator")
 OTHERS = "fastapi jinja2 lxml numba numpy pydantic pymavlink.mavutil pyproj rich.console serial typer.main uvicorn"
@@ -31,7 +31,7 @@ def pretend() -> None:
     for name in OTHERS.split():
         import_module(name)
     resource_tracker.ensure_running()  # as no process on Windows needs it
-    sys.modules.update(dict.fromkeys(MISSING.split()))  # type: ignore[arg-type]
+    cast("dict[str, None]", sys.modules).update(dict.fromkeys(MISSING.split()))
     for module, lacks in LACKS.items():
         for name in lacks.split():
             delattr(module, name)
@@ -46,8 +46,12 @@ def pretend() -> None:
     def refuse(*_: object) -> NoReturn:
         raise NotImplementedError
 
-    os.open = open_file
-    asyncio.SelectorEventLoop.add_signal_handler = refuse  # type: ignore[assignment]
     # Its files are read in the language's own encoding where none is named.
     warnings.filterwarnings("error", category=EncodingWarning, module=rf"({'|'.join(OURS)})\b")
-    sys.platform = "win32"
+    changed: tuple[tuple[object, str, object], ...] = (
+        (os, "open", open_file),
+        (asyncio.SelectorEventLoop, "add_signal_handler", refuse),
+        (sys, "platform", "win32"),
+    )
+    for place, name, value in changed:
+        setattr(place, name, value)

@@ -124,15 +124,18 @@ def today() -> str:
     return f"{datetime.now().astimezone():%Y-%m-%d}"
 
 
-def check_can_fly(run: Path) -> None:
+def check_can_fly(named: Path) -> None:
     """Check that this system can hold a run directory for one process, without which nothing is flown.
+
+    Args:
+        named: The file or directory that the refusal names.
 
     Raises:
         LogError: it cannot.
     """
     if sys.platform == "win32":
         raise LogError(
-            f"{run}: expected Linux or macOS to fly, resume or restore, got Windows (use WSL 2); "
+            f"{named}: expected Linux or macOS to fly, resume or restore, got Windows (use WSL 2); "
             "planning, checking and replays go without"
         )
 

@@ -206,6 +206,7 @@ class _PreparedSite:
     """What is made of a site before anything is planned: what cannot be used is said by then."""
 
     def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
+        check_can_fly(site)
         self._base, self._content = site.parent, read_site(site)
         check_backends(self._content)
         self.ground = plan_inputs.load_site_with_learned(self._content, self._base, learned, console)

@@ -16,6 +16,7 @@ from executor.site.site_model import SiteModel
 from missions import DayPlanFile, FlightModel, FlightPath, FlightSetup, Pad, Phase, PlanFile, estimate
 from missions.flight_model import Estimate
 from missions.geo import FloatArray
+from missions.no_fly_areas import Unreachable
 from missions.waypoints import legs_m
 from planner import is_reversed, segment_of
 
@@ -86,7 +87,7 @@ def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, 
 
 def list_uncovered(plan: PlanFile | DayPlanFile) -> list[dict[str, Any]]:
     """Return what a plan does not inspect, and why."""
-    left = (*plan_summary.find_left_over(plan), *plan.unreachable)
+    left: list[plan_summary.LeftOver | Unreachable] = [*plan_summary.find_left_over(plan), *plan.unreachable]
     return [{"segment": one.segment, "name": one.name, "why": one.why} for one in left]
 
 

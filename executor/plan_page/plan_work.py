@@ -40,6 +40,7 @@ from executor.site.site_model import SiteModel
 from executor.site.site_planning import DEFAULT, PlanRequest, to_plan_window
 from missions import DayPlanFile, PlanFile, SolverRecord
 from planner import Cost, Plan, Route, is_reversed, segment_of, sorties, visit_of
+from planner.model import TABLES_UP_TO
 from planner.replan import FreeVehicle, find_survivors
 
 ANSWER_S = 0.25
@@ -214,7 +215,8 @@ def prepare_answers(text: str, folder: Path, path: Path) -> None:
     """Price a plan, and the site for changes of it, before somebody asks what a loss or a change would mean."""
     plan = read_kept_plan(path)
     if isinstance(plan, DayPlanFile):
-        preview_day_loss(plan, plan.names[0], 0.0, seed=1, priced=_price_days(path))
+        if len(plan.segments) <= TABLES_UP_TO:  # of more all moves are gigabytes: only if somebody asks
+            preview_day_loss(plan, plan.names[0], 0.0, seed=1, priced=_price_days(path))
         return
     _build_task(path)
     _build_site_task(find_site_key(text, folder), path, frozenset())

@@ -119,8 +119,9 @@ class Planning:
 
     async def warm_up(self) -> None:
         """Load what plans and answers need, in both processes."""
-        await self.answers.run(abs, 0)  # a site that is read already goes first, with all processors
-        await asyncio.gather(self.planner.run(load_planner), self.answers.run(load_planner))
+        await self.answers.run(abs, 0)  # the site that was opened is read first, with all processors
+        await self.planner.run(load_planner)  # it alone compiles what is new on this computer
+        await self.answers.run(load_planner)  # a network that is dropped meanwhile went ahead
         self.warm = True
         self._changed()
 

@@ -48,7 +48,7 @@ class Workspace:
         """Of which revision `view` is."""
         self.news = asyncio.Event()
         """Set when there is something new for the stream."""
-        for folder in {self.root, self.folder}:
+        for folder in {self.root} if store is None else {self.root, store.path.parent}:
             site_files.remove_drafts(folder)
         self.planning = Planning(self.news.set)
         self.tabs: Callable[[], int] = lambda: 0
@@ -125,6 +125,11 @@ class Workspace:
             return path.resolve().relative_to(self.root.resolve()).as_posix()
         return str(path)
 
+    @property
+    def folder(self) -> Path:
+        """Where the site file is, or would be."""
+        return self.root if self.store is None else self.store.path.parent
+
     # What is done
 
     async def open_file(self, path: Path | None) -> None:
@@ -158,8 +163,7 @@ class Workspace:
             ExecutorError: it cannot be kept.
             MissionsError: a network that cannot be used; it is not kept.
         """
-        folder = self.root if self.store is None else self.store.path.parent
-        path = await site_files.receive_file(folder, name, content)
+        path = await site_files.receive_file(self.folder, name, content)
         if as_network:
             try:
                 await self.open_file(path)

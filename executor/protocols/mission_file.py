@@ -41,9 +41,8 @@ ITEM = struct.Struct("<4fiifHHBBBBBB")
 """MISSION_ITEM_INT as it is on the wire."""
 CHECKSUM = struct.Struct("<I")
 ITEMS_IN_ONE, ITEMS_FROM_FAR = 2, 5
-"""The frame of two items fits a radio's packet of 118 bytes; that of five, of 217 bytes, goes over a link that is slow to
-answer and loses nothing."""
-FAR_TRIP_S = 1.1
+"""The frame of two items fits a radio's packet of 118 bytes; that of five, of 217 bytes, goes over a link that is slow
+to answer and loses nothing."""
 MOST_AT_ONCE, LOSSY_AT_ONCE = 4, 3
 """It keeps five questions, and drops what comes then (GCS_FTP.cpp). Where something got lost heartbeats wait behind as
 little as keeps the radio busy beside another transfer."""
@@ -217,7 +216,7 @@ def pack_items(items: Iterable[MissionItem]) -> bytes:
 
 def _list_steps(state: F) -> tuple[Step, ...]:
     items, first = state.items, state.first
-    far = (state.round_trip.mean_s or 0.0) >= FAR_TRIP_S and not state.is_lossy
+    far = state.round_trip.is_far and not state.is_lossy
     data, size = pack_items(items[first:]), (ITEMS_FROM_FAR if far else ITEMS_IN_ONE) * ITEM.size
     parts = (_write(HEADER.size + at, data[at : at + size]) for at in range(0, len(data), size))
     header = HEADER.pack(MAGIC, MissionKind.MISSION, KEEP_THE_REST, first, len(items) - first)

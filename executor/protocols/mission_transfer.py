@@ -54,9 +54,11 @@ MOST_AHEAD = 24
 MOST_QUESTIONS = 16
 """Half of that: streams come down beside the answers."""
 FIRST_AHEAD = 8
-AGAIN_AHEAD, AGAIN_HZ, GROWTH = 4, 6.0, 0.5
-"""From an item on that got lost so many go out, or so many for each second of the round trip, and so many more with
-every answer from then on: where one is lost others will be, and what is behind them has to be sent again."""
+AGAIN_AHEAD, AGAIN_FAR, GROWTH = 4, 9, 0.5
+"""From an item on that got lost so many go out, over a far link more, and so many more with every answer from then on:
+where one is lost others will be, and what is behind them has to be sent again."""
+LOSSY_AHEAD, LOSSY_FAR = 6, 16
+"""The same for all items under way where a radio destroys frames: heartbeats wait behind those of two transfers."""
 AHEAD_TRIP_S = 0.03
 """A link that answers sooner needs none of that."""
 
@@ -250,7 +252,7 @@ def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     first = state.under_way[0] if state.under_way else None
     if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
         return _wait_for_answer(state, now_s), ()
-    again = max(AGAIN_AHEAD, AGAIN_HZ * (state.round_trip.mean_s or 0.0))
+    again = AGAIN_FAR if state.round_trip.is_far else AGAIN_AHEAD
     state = replace(state, room=min(state.room, again), is_lossy=True)
     return _send_items(state, (), state.furthest, now_s, int(state.room))
 

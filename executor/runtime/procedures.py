@@ -18,7 +18,14 @@ from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import MOST_QUESTIONS, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import (
+    LOSSY_AHEAD,
+    LOSSY_FAR,
+    MOST_AHEAD,
+    MOST_QUESTIONS,
+    DownloadDialogue,
+    UploadDialogue,
+)
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -304,8 +311,11 @@ async def upload_once(
     kind: MissionKind = MissionKind.MISSION,
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
-    silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    return await dialogue.run_dialogue(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
+    silence_s, channel = dialect.upload_silence_s + SILENCE_MARGIN_S, channel_of(link)
+    lossy = LOSSY_FAR if channel.round_trip.is_far else LOSSY_AHEAD
+    ahead = lossy if channel.is_lossy else MOST_AHEAD
+    upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind, ahead=ahead)
+    return await dialogue.run_dialogue(upload, link, clock)
 
 
 async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:

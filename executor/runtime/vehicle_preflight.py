@@ -91,7 +91,7 @@ class _VehicleAnswers:
     def _note_position(self, position: messages.Position) -> None:
         self.position = position
         told = ReportedPosition(self.clock.now_s(), position.boot_s, position.lat_deg, position.lon_deg)
-        self.twins = add_reported_position(self.twins, told)
+        self.twins = add_reported_position(self.twins, told, stands=True)
         if self.twins.are_two:
             self.strangers = add_foreign_system(self.strangers, messages.DoubleHeard(0, ()))
 

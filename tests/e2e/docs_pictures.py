@@ -9,9 +9,14 @@ from __future__ import annotations
 import asyncio
 import shutil
 import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
+import httpx
+
 from executor.adapters.solver import SolverSetup, solve_for_survivors
+from executor.core.fleet_view import LossView, VehicleView
 from executor.core.interface.intents import Action
 from executor.core.state.vehicle_state import build_onboard_mission
 from executor.simulated.simulated_fleet import USUAL_RADIUS_M, USUAL_VEHICLES, build_demo_site
@@ -19,17 +24,17 @@ from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest, plan_site
 from missions import Window, build_flight_path
-from tests.e2e.gallery import Scene, Shown, browsing
+from tests.e2e.gallery import Scene, Shown, browsing, fitted
 from tests.e2e.plan_scenes import draw_plan_scene
 from tests.fakes.flight import Story
 
 TUTORIAL = ("plan-dropped", "plan-planned", "plan-lost", "plan-by-hand")
-BEGUN_S = 290.0
-"""So long into the flight the link is lost."""
+BEGUN_S, SILENT_S = 240, 24
+"""So long into the flight the link is lost, and so long it is silent until somebody looks."""
 
 
-def fly_story() -> tuple[Scene, Window | None]:
-    """Return the demo's fleet in the middle of its flight: uav2 is lost, uav1 holds, the others have the rest."""
+def fly_story() -> tuple[list[Scene], Window | None]:
+    """Return the demo's fleet from second to second, until uav2 is lost, uav1 holds and the others have the rest."""
     table = build_demo_site(
         network=None, radius_m=USUAL_RADIUS_M, vehicles=USUAL_VEHICLES, speedup=1.0, autopilot="ardupilot",
         ports=range(14550, 14550 + USUAL_VEHICLES),
@@ -45,20 +50,37 @@ def fly_story() -> tuple[Scene, Window | None]:
     story = Story(
         context, dict(boards), lambda problem: solve_for_survivors(solver, problem, context.pricing, lambda: False)
     )
+    scenes: list[Scene] = []
+
+    def pass_s(seconds: int) -> None:
+        for _ in range(seconds):
+            story.pass_s(1.0)
+            scenes.append(
+                Scene(context, fitted(story.state), story.now_s, {}, dict.fromkeys(boards, _finished_by_others))
+            )
+
     story.launch()
-    story.pass_s(BEGUN_S)
+    pass_s(BEGUN_S)
     story.crafts["uav2"].mute = True
-    story.run(lambda: story.vehicle("uav2").fault is not None)
-    story.pass_s(20.0)
+    pass_s(SILENT_S)
     story.ask(Action.HOLD, "uav1")
-    story.pass_s(20.0)
-    return Scene(context, story.state, story.now_s, {}), plan.window
+    pass_s(12)
+    return scenes, plan.window
+
+
+def _finished_by_others(vehicle: VehicleView) -> VehicleView:
+    return vehicle if vehicle.fault else replace(vehicle, loss=LossView(True, (), 4.0))
 
 
 async def draw_operator_page(folder: Path) -> None:
     """Write the picture of the page to fly by."""
-    scene, window = fly_story()
-    with Shown(scene).serving(window=window) as address:
+    scenes, window = fly_story()
+    shown = Shown(scenes[0])
+    with shown.serving(window=window) as address:
+        async with httpx.AsyncClient(base_url=address) as client:
+            for shown.scene in scenes:  # so the page knows where everybody has flown
+                (await client.get("state")).raise_for_status()
+        shown.began_s = time.monotonic()
         async with browsing(address) as page:
             await page.locator(".strip").nth(USUAL_VEHICLES - 1).wait_for()
             await page.keyboard.press("1")

@@ -136,7 +136,7 @@ def _same(vehicle: VehicleView) -> VehicleView:
     return vehicle
 
 
-def _fitted(state: FleetState) -> FleetState:
+def fitted(state: FleetState) -> FleetState:
     """Return the state with what vehicles say of their GPS, their voltage and the wind."""
     for number, vehicle in enumerate(state.vehicles.values()):
         volts = replace(vehicle.power.volts, voltage_v=16.2 - 0.2 * number)
@@ -172,7 +172,7 @@ def before(ready: Fleet, *, asked: str = "take-off", stop: bool = False) -> Scen
         OperatorLine(6.0, Level.INFO, "uav1: ready, quadrotor, ArduPilot 4.6.1, battery 98 %"),
         OperatorLine(8.0, Level.WARNING, "uav2: no battery failsafe"),
     )
-    state = with_facts(_fitted(story.state), briefing=briefing, said=lines)
+    state = with_facts(fitted(story.state), briefing=briefing, said=lines)
     words = {
         "#clock": "before take-off",
         "#asked": "Nothing is asked: a check says stop" if stop else questions[asked].text,
@@ -206,7 +206,7 @@ def flying(ready: Fleet) -> Scene:
         ".strip:nth-child(3) .place": "49.60",
         "#lines": "T+0:",
     }
-    return Scene(ready.context, _fitted(story.state), story.now_s, words, ETAS)
+    return Scene(ready.context, fitted(story.state), story.now_s, words, ETAS)
 
 
 def with_span_left_out() -> Fleet:
@@ -218,7 +218,7 @@ def left_out(ready: Fleet) -> Scene:
     """Everybody flies, and a span is none of this flight."""
     story = flown(ready)
     words = {"#legend-out": "left out", "#count": "of 6"}
-    return Scene(ready.context, _fitted(story.state), story.now_s, words, ETAS)
+    return Scene(ready.context, fitted(story.state), story.now_s, words, ETAS)
 
 
 def congested(ready: Fleet) -> Scene:
@@ -237,7 +237,7 @@ def congested(ready: Fleet) -> Scene:
         ".strip:nth-child(2) .links": "udpin://0.0.0.0:14550",
     }
     return Scene(
-        ready.context, _fitted(story.state), story.now_s, words,
+        ready.context, fitted(story.state), story.now_s, words,
         {**ETAS, "uav2": lambda vehicle: replace(ETAS["uav2"](vehicle), links=links)}, radios=(radio,),
     )  # fmt: skip
 
@@ -257,7 +257,7 @@ def reckoned(ready: Fleet) -> Scene:
         ".strip:nth-child(2) .since": "1:44 ago, at 12 m/s; now about 49.60",
         ".strip:nth-child(2) .gps": "no GPS",
     }
-    return Scene(ready.context, _fitted(story.state), story.now_s, words, {**ETAS, "uav2": touch})
+    return Scene(ready.context, fitted(story.state), story.now_s, words, {**ETAS, "uav2": touch})
 
 
 def taken(ready: Fleet, *, returned: bool = False) -> Scene:
@@ -273,7 +273,7 @@ def taken(ready: Fleet, *, returned: bool = False) -> Scene:
     line = OperatorLine(
         since_s, Level.WARNING, "uav2: its pilot took it (LOITER); nothing is commanded; its segments are kept for 30 s"
     )
-    state = with_facts(_fitted(story.state), said=(*story.state.crew.said, line))
+    state = with_facts(fitted(story.state), said=(*story.state.crew.said, line))
     words = {
         ".strip:nth-child(2) .state": "with its pilot",
         ".strip:nth-child(2) .hands": "include it to go on" if returned else "Its segments are kept for it for 0:24",
@@ -302,7 +302,7 @@ def offered(ready: Fleet) -> Scene:
         home.motion.fix, place_m=ready.context.vehicles["uav1"].pad_m, alt_rel_m=0.0, velocity_m_s=(0.0, 0.0, 0.0)
     )
     home = with_facts(home, stage=Stage.LANDED, fix=fix, heartbeat=replace(home.telemetry.heartbeat, armed=False))
-    state = with_facts(_fitted(story.state.put(home)), said=(*story.state.crew.said, line))
+    state = with_facts(fitted(story.state.put(home)), said=(*story.state.crew.said, line))
     words = {
         "#offered": "uav1 can take over 2 spans",
         "#takers": "uav1: pad is clear",
@@ -320,7 +320,7 @@ def _eta_none(vehicle: VehicleView) -> VehicleView:
 def down(ready: Fleet) -> Scene:
     """One lies on the ground, armed, off its pad."""
     story = flown(ready)
-    state = _fitted(story.state)
+    state = fitted(story.state)
     vehicle: VehicleState = state.vehicles["uav2"]
     assert vehicle.motion.fix is not None
     place = replace(vehicle.motion.fix, alt_rel_m=0.4, velocity_m_s=(0.0, 0.0, 0.0))
@@ -384,7 +384,7 @@ def pictures(ready: Fleet) -> Scene:
     }
     text = "uav3: pylon p3 flown, but pictures are missing: rgb has no picture from viewpoint 2, 3"
     line = OperatorLine(now_s, Level.WARNING, text)
-    state = with_facts(_fitted(story.state), **facts, said=(*story.state.crew.said, line))
+    state = with_facts(fitted(story.state), **facts, said=(*story.state.crew.said, line))
     words = {
         "#assets-what": "Assets",
         "#tally": "2 of 8 seen",
@@ -400,7 +400,7 @@ def many_assets(ready: Fleet) -> Scene:
     story = flown(long_line())
     missed = dict.fromkeys(range(100, 1000, 97), "uav1")
     seen = dict.fromkeys(range(6, 95), "uav2")
-    state = with_facts(_fitted(story.state), inspected=seen, not_seen=missed)
+    state = with_facts(fitted(story.state), inspected=seen, not_seen=missed)
     words = {"#tally": f"{len(seen)} of 1000 seen", "#tally-missed": f"{len(missed)} missed"}
     return Scene(ready.context, state, story.now_s, words, ETAS)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from tests.composed import ROOT
@@ -48,10 +50,19 @@ class Engine:
             stdin=subprocess.DEVNULL, capture_output=True, timeout=FLIGHT_S + 60, check=False,
         )  # fmt: skip
 
+    def container(self, service: str) -> str:
+        """Return the name of a service's container."""
+        return f"faultline-{self.profile}_{service}_1"
+
     @property
     def executor(self) -> str:
         """The container that flies."""
-        return f"faultline-{self.profile}_executor-{self.profile}_1"
+        return self.container(f"executor-{self.profile}")
+
+    def read_page_address(self) -> str:
+        """Return the page's address, as the site's service prints it."""
+        [address] = set(re.findall(r"http://\S+", podman("logs", self.container(f"site-{self.profile}"))))
+        return address
 
     def report(self, into: Path) -> dict[str, Any]:
         """Return the report of the one flight on the volume."""
@@ -86,6 +97,10 @@ def test_a_profile_flies_to_its_end(engine: Engine, tmp_path: Path) -> None:
     # The executor's end is awaited, not that of all: simulators and the broker have none.
     up = engine.compose("up", "--detach", "--no-build")
     assert up.returncode == 0, up.stderr
+    with httpx.Client(transport=httpx.HTTPTransport(retries=12), follow_redirects=True) as browser:  # until it is there
+        assert "faultline" in browser.get(engine.read_page_address(), timeout=60).text
+    heard = ("mosquitto_sub", "-t", "faultline/v1/#", "-C", "1", "-F", "%t")
+    assert podman("exec", engine.container("broker"), *heard).startswith("faultline/v1/")
     code = podman("wait", engine.executor).strip()
     said = podman("logs", engine.executor)
     assert code == "0", said[-4000:]

@@ -34,7 +34,10 @@ def fill(words: str, values: dict[str, str]) -> str:
 
 async def test_every_line_of_the_catalogue_is_recognised_with_its_values() -> None:
     catalogue = json.loads(STATIC.joinpath("lines-de.json").read_text(encoding="utf-8"))
-    filled = [(fill(words, values := {}), text, values) for words, text in catalogue.items()]
+    filled = []
+    for words, text in catalogue.items():
+        values: dict[str, str] = {}
+        filled.append((fill(words, values), text, values))
     with Shown(scene_of("flying")).serving() as address:
         async with browsing(address) as page:
             found = await page.evaluate(TRANSLATED, [catalogue, [one for one, _, _ in filled]])

@@ -144,23 +144,26 @@ async def test_keys_move_and_zoom_the_map_and_the_wheel_only_once_it_is_in_focus
 ) -> None:
     async with _showing(tmp_path, record, _site()) as page:
         canvas = page.locator("#map canvas")
-        before = await canvas.screenshot()
         await page.mouse.move(*await _middle(page, 0.3, 0.2))
+        await expect(page.locator("#pointed")).to_contain_text("49.6")
+        before = await page.locator("#frame").screenshot()
         await page.mouse.wheel(0, 120)
         await page.wait_for_function("scrollY > 0")
         await page.evaluate("scrollTo(0, 0)")
-        assert await canvas.screenshot() == before
+        await page.mouse.move(*await _middle(page, 0.3, 0.2))
+        await expect(page.locator("#pointed")).to_contain_text("49.6")
+        assert await page.locator("#frame").screenshot() == before
         await canvas.focus()
         await page.keyboard.press("ArrowRight")
         await page.keyboard.press("+")
-        await expect(page.locator("#map output")).to_have_count(1)
-        assert await canvas.screenshot() != before
+        assert await page.locator("#frame").screenshot() != before
+        at_px = await page.evaluate("scrollY")
         await page.mouse.wheel(0, -120)
-        assert await page.evaluate("scrollY") == 0
+        assert await page.evaluate("scrollY") == at_px
 
 
 async def test_what_the_site_leaves_out_and_the_ground_are_on_the_map(tmp_path: Path, record: FlightRecord) -> None:
-    longer = _site(line_east(8), network={"file": "line", "leave_out": ["5", "6"]})
+    longer = _site(line_east(8), network={"file": "line", "leave_out": ["segment 5", "segment 6"]})
     below = encode_ground(ground_about(np.array([(100.0, 0.0), (700.0, 0.0)]), hills=Hills()), FRAME)
     async with _showing(tmp_path, record, longer, below) as page:
         await expect(page.locator("#legend")).to_contain_text("left out")
@@ -187,7 +190,9 @@ async def test_the_report_is_seen_whole_at_every_width(tmp_path: Path, record: F
     async with _showing(tmp_path, record, _site(), dark=dark) as page:
         for wide, high in SIZES.values():
             await page.set_viewport_size({"width": wide, "height": high})
-            assert await look_at(page) == [], f"{wide} px"
+            # Tables are moved to and fro where they are wider than the page.
+            found = [one for one in await look_at(page) if not one.startswith(("cut(): TH", "cut(): TD"))]
+            assert found == [], f"{wide} px"
 
 
 async def test_paper_is_white_in_the_dark_too(tmp_path: Path, record: FlightRecord) -> None:
@@ -214,6 +219,6 @@ async def test_the_plan_page_shows_a_report_that_can_do_nothing_there(tmp_path: 
     (run / "events.jsonl").touch()
     (run / "report.html").write_text(render_report_page(record, read_report(tmp_path), {}, _site()), encoding="utf-8")
     with opened(tmp_path, None) as server:
-        async with browsing(f"{server.client.base_url}/api/report?run=runs/20260101-080000") as page:
+        async with browsing(f"http://127.0.0.1:{server.port}/api/report?run=runs/20260101-080000") as page:
             await _find(page, "0: inspected by uav2 at T+0:30")
             assert await page.evaluate("origin") == "null"

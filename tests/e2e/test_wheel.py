@@ -41,6 +41,7 @@ PYTHONS = os.environ.get("FAULTLINE_PYTHONS", sys.executable).split()
 RESOLUTIONS = ("lowest-direct", "highest")
 PATIENCE_S = 3600
 """Of a computer that does other things beside; the first plan of an environment compiles."""
+SYSTEMS = ("x86_64-manylinux_2_28", "aarch64-manylinux_2_28", "aarch64-apple-darwin", "x86_64-pc-windows-msvc")
 IMPORTED = {"executor", "faultline", "faultline_start", "missions", "planner", "simulator"}
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(PATIENCE_S)]
 
@@ -66,7 +67,10 @@ class Place:
 
 
 def uv(*words: str) -> None:
-    done = subprocess.run(["uv", "--quiet", *words], capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    done = subprocess.run(
+        ["uv", "--quiet", *words], env=os.environ | {"MACOSX_DEPLOYMENT_TARGET": "14.0"},
+        capture_output=True, text=True, check=False, timeout=PATIENCE_S,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
 
 
@@ -117,6 +121,27 @@ def test_the_wheel_holds_the_packages_typed_and_no_test(wheel: Path) -> None:
     assert packages | {"faultline_start"} == IMPORTED == set(re.findall(r"^Import-Name: (.*)$", metadata, re.MULTILINE))
     assert {f"{name}/py.typed" for name in packages} <= names
     assert not [name for name in names if re.search(r"/tests?[/_]", name)]
+
+
+@pytest.mark.parametrize("version", ["3.11", "3.12", "3.13", "3.14"])
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_every_system_finds_packages_that_need_no_compiler(
+    wheel: Path, tmp_path: Path, system: str, version: str
+) -> None:
+    words = ["--dry-run", "--only-binary", ":all:", "--python-platform", system, "--python-version", version]
+    for wanted in ("requirements.lock", "pyproject.toml"):
+        for resolution in RESOLUTIONS:
+            uv(
+                "pip",
+                "install",
+                *words,
+                "--target",
+                str(tmp_path),
+                "--resolution",
+                resolution,
+                "-r",
+                str(ROOT / wanted),
+            )
 
 
 def test_it_names_another_projects_package(wheel: Path, tmp_path: Path) -> None:

@@ -69,6 +69,11 @@ class Autopilot:
         """Its binary, if there is one."""
         return os.environ.get(self.variable)
 
+    @property
+    def signs(self) -> bool:
+        """Whether it can sign: PX4 from 1.18 on, of which FAULTLINE_PX4_SIGNS tells."""
+        return self.name == "ardupilot" or bool(os.environ.get("FAULTLINE_PX4_SIGNS"))
+
 
 ARDUPILOT = Autopilot("ardupilot", "FAULTLINE_ARDUCOPTER", 16000)
 PX4 = Autopilot("px4", "FAULTLINE_PX4", 14540)
@@ -154,6 +159,8 @@ class Wanted:
     """Parameters of single vehicles, by their names."""
     packs_ah: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """What ArduPilot's packs really hold; the voltage of the others stays that of full ones."""
+    numbers: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    """System numbers of ArduPilot's vehicles that are not those of their places."""
 
 
 @contextmanager
@@ -199,7 +206,8 @@ def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) ->
         model = f"quad:{MODEL}"
     command = [
         binary, "-I", str(number), "--model", model, "--speedup", f"{wanted.speedup:g}",
-        "--home", f"{lat_deg:.7f},{lon_deg:.7f},{pad.alt_m},0", "--sysid", str(number + 1),
+        "--home", f"{lat_deg:.7f},{lon_deg:.7f},{pad.alt_m},0",
+        "--sysid", str(wanted.numbers.get(folder.name, number + 1)),
         "--serial0", f"udpclient:127.0.0.1:{ARDUPILOT.port + number}", "--defaults", str(parameters),
     ]  # fmt: skip
     return _start(command, folder, {}), OtherLink(socket.SOCK_STREAM, 5762 + 10 * number, bytewise=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import common as mav
@@ -62,7 +63,7 @@ class _Asker:
                 return True
         return False
 
-    def _hear(self) -> list[mav.MAVLink_message]:
+    def _hear(self) -> list[Any]:
         parser = mav.MAVLink(None)
         parser.robust_parsing = True
         try:

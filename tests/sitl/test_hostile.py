@@ -202,10 +202,10 @@ def forges_radio(autopilot: Autopilot, returned: list[bytes]) -> Callable[[RealV
 def test_a_forged_radio(autopilot: Autopilot, tmp_path: Path) -> None:
     """What we say goes on to the vehicle, whose own failsafe would act if it did not, and the radio is not believed.
 
-    ArduPilot signs; PX4 v1.17 has no signing.
+    ArduPilot signs, and PX4 from 1.18 on.
     """
     returned: list[bytes] = []
-    story = Story(forges_radio(autopilot, returned), settings=SOON_HOME[autopilot], signed=autopilot is ARDUPILOT)
+    story = Story(forges_radio(autopilot, returned), settings=SOON_HOME[autopilot], signed=autopilot.signs)
     flight = flown(autopilot, story, tmp_path)
     ended_well(flight, [])
     assert returned == []

@@ -18,7 +18,7 @@ from missions.files import json_text, write_whole
 STATIC = resources.files("executor.adapters") / "web" / "static"
 """What browsers are given by a flight's server, too: a page that stands alone has it inside."""
 IMPORT = re.compile(r'^import (\{[^}]*\}) from "\./([\w-]+\.js)";$', re.MULTILINE)
-EXPORT = re.compile(r"^export (?=(?:async )?(?:class|const|function) (\w+))", re.MULTILINE)
+EXPORT = re.compile(r"^export (?=let |(?:async )?(?:class|const|function) (\w+))", re.MULTILINE)
 
 
 def render_template(template: str, **content: object) -> str:
@@ -75,7 +75,7 @@ def _list_modules(name: str, known: set[str]) -> Iterator[str]:
     for _, imported in IMPORT.findall(text):
         if imported not in known:
             yield from _list_modules(imported, known)
-    given = ", ".join(EXPORT.findall(text))
+    given = ", ".join(filter(None, EXPORT.findall(text)))  # what changes, by `let`, stays where it is
     body = EXPORT.sub("", IMPORT.sub(r'const \1 = modules["\2"];', text))
     yield f'modules["{name}"] = (() => {{\n{body}return {{ {given} }};\n}})();\n'
 

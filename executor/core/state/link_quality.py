@@ -103,6 +103,8 @@ APART_M, FASTEST_M_S = 50.0, 40.0
 """No vehicle is farther from where it was than it flies, and a glitch."""
 ENOUGH, WITHIN_S = 4, 10.0
 """So many times back in time, or away and back, each sooner than this after the last one."""
+AWAY_M, BACK_M, BACK_S = 3.0, 1.0, 5.0
+"""Who stands on the ground is not so far away, and back so near, within this time: that is two of them."""
 COPIES = 24
 """Positions that are remembered, to know a copy that comes seconds late."""
 METRES_A_DEGREE = 111_320.0
@@ -126,6 +128,8 @@ class DuplicateIdWatch:
     """The last one."""
     other: ReportedPosition | None = None
     """The last one of another clock, or of another place."""
+    before: ReportedPosition | None = None
+    """The last one that is metres away from those after it."""
     swaps: int = 0
     swapped_s: float = float("-inf")
     recent: tuple[tuple[float, float, float], ...] = ()
@@ -136,18 +140,38 @@ class DuplicateIdWatch:
         return self.swaps >= ENOUGH
 
 
-def add_reported_position(known: DuplicateIdWatch, told: ReportedPosition) -> DuplicateIdWatch:
-    """Take a position."""
+def add_reported_position(known: DuplicateIdWatch, told: ReportedPosition, *, stands: bool = False) -> DuplicateIdWatch:
+    """Take a position.
+
+    Args:
+        known: What those before it say.
+        told: The position.
+        stands: Whether the vehicle stands on the ground: two that were switched on in one second are known by metres.
+    """
     if known.one is None or _is_continuation(known.one, told):
-        return replace(known, one=told, recent=_append_position(known, told))
+        after = replace(known, one=told, recent=_append_position(known, told))
+        if not stands or known.one is None or _distance_m(known.one, told) < AWAY_M:
+            return after
+        after = replace(after, before=known.one)
+        return _count_swap(after, known, told) if _is_back(known.before, told) else after
     if (told.boot_s, told.lat_deg, told.lon_deg) in known.recent:
         return known
     # What only comes late, however unevenly, never goes back in time.
     late = known.one.boot_s - told.boot_s <= CLOCK_S and _is_near(known.one, told)
     if late or known.other is None or not _is_continuation(known.other, told):
         return replace(known, one=told, other=known.one, recent=_append_position(known, told))
+    after = replace(known, one=told, other=known.one, recent=_append_position(known, told))
+    return _count_swap(after, known, told)
+
+
+def _count_swap(after: DuplicateIdWatch, known: DuplicateIdWatch, told: ReportedPosition) -> DuplicateIdWatch:
     swaps = known.swaps + 1 if told.at_s - known.swapped_s <= WITHIN_S else 1
-    return DuplicateIdWatch(told, known.one, swaps, told.at_s, _append_position(known, told))
+    return replace(after, swaps=swaps, swapped_s=told.at_s)
+
+
+def _is_back(before: ReportedPosition | None, told: ReportedPosition) -> bool:
+    """Return whether this is where a position was a moment ago, before one that is metres away."""
+    return before is not None and told.at_s - before.at_s <= BACK_S and _distance_m(before, told) <= BACK_M
 
 
 def _append_position(known: DuplicateIdWatch, told: ReportedPosition) -> tuple[tuple[float, float, float], ...]:
@@ -160,7 +184,10 @@ def _is_continuation(before: ReportedPosition, told: ReportedPosition) -> bool:
 
 
 def _is_near(before: ReportedPosition, told: ReportedPosition) -> bool:
-    elapsed_s = told.at_s - before.at_s
+    return _distance_m(before, told) <= APART_M + FASTEST_M_S * max(0.0, told.at_s - before.at_s)
+
+
+def _distance_m(before: ReportedPosition, told: ReportedPosition) -> float:
     north_m = (told.lat_deg - before.lat_deg) * METRES_A_DEGREE
     east_m = (told.lon_deg - before.lon_deg) * METRES_A_DEGREE * math.cos(math.radians(before.lat_deg))
-    return math.hypot(north_m, east_m) <= APART_M + FASTEST_M_S * max(0.0, elapsed_s)
+    return math.hypot(north_m, east_m)

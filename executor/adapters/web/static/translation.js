@@ -5,7 +5,7 @@ import { all, element } from "./elements.js";
 /** @typedef {{ weight: number, isWeak: boolean, literal: string, pattern: RegExp, holes: Hole[], text: string }} Line */
 /** @typedef {{ name: string, isFigure?: boolean, isTheirs?: boolean }} Hole */
 
-export const LANGUAGES = ["en", "de"];
+const LANGUAGES = ["en", "de"];
 /** @type {Record<string, string>} */
 const OWN_NAMES = { en: "English", de: "Deutsch" };
 const HOLE = /\{(\w*)(?:!\w)?(?::([^}]*))?\}/;

@@ -111,6 +111,10 @@ class Words(HTMLParser):
         self._tags.append(tag)
         self.found |= {value for name, value in attrs if name in {"aria-label", "title", "placeholder"} and value}
 
+    def handle_endtag(self, tag: str) -> None:
+        while self._tags and self._tags.pop() != tag:
+            pass  # of a tag that has no end
+
     def handle_data(self, data: str) -> None:
         if self._tags and self._tags[-1] not in {"kbd", "title", "h1"}:
             self.found.add(data.strip())
@@ -164,7 +168,9 @@ def test_the_page_of_a_flight_has_its_words_in_every_language(language: str) -> 
     known = catalogue(f"page-{language}.json")
     tables = tables_of_flight_page()
     assert sorted(words_of_flight_page() - set(known)) == []
-    assert [words for words in known if words not in words_of_flight_page() and f'"{words}"' not in tables] == []
+    idle = [words for words in known if words not in words_of_flight_page()]
+    assert [words for words in idle if not re.search(rf"\b{re.escape(words.replace(' ', '_'))}\b", tables)
+            and f'"{words}"' not in tables] == []  # fmt: skip
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -172,7 +172,7 @@ def test_figures_that_a_firmware_does_not_have_are_planned_with_and_said(dialect
 def test_how_copter_4_7_flies_is_known_by_its_new_names(left_out: str | None) -> None:
     facts, names = said(), [tuning.parameter for tuning in ARDUPILOT.tunings]
     renamed = {ARDUPILOT.other_names[name].name: 1.0 for name in names if name != left_out}
-    has = lacking(facts, *names).parameters | renamed
+    has = {**lacking(facts, *names).parameters, **renamed}
     found = vehicle_checks.flight_times(replace(facts, parameters=has), ARDUPILOT)
     assert ["it has no WPNAV_SPEED: " in check.text for check in found] == ([] if left_out is None else [True])
     [check] = vehicle_checks.flight_times(replace(facts, parameters=has, unread=frozenset({"WP_SPD"})), ARDUPILOT)
@@ -208,7 +208,7 @@ def test_a_return_long_before_the_battery_is_low(
     version: tuple[int, int, int] | None, changes: dict[str, float], early: list[str]
 ) -> None:
     """What has COM_FLTT_LOW_ACT returns early by that alone; 1.18 does not have it."""
-    has = lacking(said(PX4), "COM_FLTT_LOW_ACT").parameters | changes
+    has = {**lacking(said(PX4), "COM_FLTT_LOW_ACT").parameters, **changes}
     facts = replace(said(PX4), parameters=has, version=None if version is None else Version(*version))
     found = vehicle_checks.check_battery_failsafe_settings(facts, PX4, 40.0)
     assert [check.text for check in found[1:]] == [

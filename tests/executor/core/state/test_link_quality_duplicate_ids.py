@@ -13,10 +13,11 @@ Told = tuple[float, float, float]
 """When it came, its time since boot, metres north."""
 
 
-def followed(told: Iterable[Told]) -> DuplicateIdWatch:
+def followed(told: Iterable[Told], *, stands: bool = False) -> DuplicateIdWatch:
     known = DuplicateIdWatch()
     for at_s, boot_s, north_m in told:
-        known = add_reported_position(known, ReportedPosition(at_s, boot_s, 50.0 + north_m / A_DEGREE_M, 13.0))
+        position = ReportedPosition(at_s, boot_s, 50.0 + north_m / A_DEGREE_M, 13.0)
+        known = add_reported_position(known, position, stands=stands)
     return known
 
 
@@ -32,6 +33,18 @@ def test_two_clocks_are_two_vehicles() -> None:
 
 def test_two_places_are_two_vehicles_that_booted_together() -> None:
     assert followed(merged(lambda s: (s, 4.0 * s), lambda s: (s + 0.05, 900.0))).are_two
+
+
+@pytest.mark.parametrize("lot", [1, 3])
+def test_two_that_stand_side_by_side_and_booted_together_are_two(lot: int) -> None:
+    """A radio brings what each of them says in lots."""
+    pair = merged(lambda s: (s, 0.2 * (s % 1.0)), lambda s: (s + 0.1, 5.0))
+    told = [
+        one for at in range(0, len(pair), 2 * lot) for which in (0, 1) for one in pair[at + which : at + 2 * lot : 2]
+    ]
+    assert followed(told, stands=True).are_two
+    assert not followed(merged(lambda s: (s, 0.8 * (s % 2.0))), stands=True).are_two, "one that drifts"
+    assert not followed(merged(lambda s: (s, 6.0 * (5.0 < s < 6.0))), stands=True).are_two, "one that jumps once"
 
 
 @pytest.mark.parametrize("slower", [1, 5, 10])
