@@ -115,7 +115,8 @@ def wait(is_so: Callable[[], bool], patience_s: float) -> None:
 @contextmanager
 def simulated(autopilot: str) -> Iterator[Subject]:
     """Lend a simulated vehicle."""
-    with fleet(autopilot=autopilot) as living, TemporaryDirectory() as folder:
+    parameters = real.NO_FAILSAFE[{"px4": real.PX4, "ardupilot": real.ARDUPILOT}[autopilot]]
+    with fleet(autopilot=autopilot, parameters=parameters) as living, TemporaryDirectory() as folder:
         yield Subject(autopilot, living[0].connection, Path(folder), living[0])
 
 
