@@ -14,8 +14,8 @@ def predict_stored_item(item: MissionItem) -> MissionItem:
     """Return an item as ArduPilot will send it back.
 
     Measured: `current` is 0 everywhere, DO_CHANGE_SPEED and RTL come back with frame 0 and without a place. From
-    AP_Mission.cpp: frames with and without _INT are one, heights are cut to centimetres, the hold to whole seconds, and of
-    a landing's param4 the sign stays.
+    AP_Mission.cpp: frames with and without _INT are one, heights are cut to centimetres, the hold to whole seconds, and
+    of a landing's param4 the sign stays.
     """
     is_relative = PLAIN_FRAMES.get(item.frame, item.frame) == Frame.GLOBAL_RELATIVE_ALT
     stored = replace(item, current=False, frame=Frame.GLOBAL_RELATIVE_ALT if is_relative else Frame.GLOBAL)

@@ -35,6 +35,9 @@ SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
 """From the recorded flights: (present, enabled, healthy)."""
 BATTERY_BIT = 0x02000000
 FENCE_BIT = 0x00100000
+POLYGON_BIT = 4
+"""Of FENCE_TYPE."""
+BANNER = ("ArduCopter V4.7.0-dev (00000000)", "Frame: QUAD/X")
 EVERY_FENCE = 0xFF
 GIVES_UP_M = 100.0
 """AC_FENCE_GIVE_UP_DISTANCE."""
@@ -132,7 +135,13 @@ class ArduPilot(Autopilot):
             messages.MavCommand.DO_REPOSITION: self._reposition,
             messages.MavCommand.CONDITION_YAW: self._turn,
             messages.MavCommand.DO_FENCE_ENABLE: self._enable_fence,
+            messages.MavCommand.DO_SEND_BANNER: self._say_banner,
         }
+
+    def _say_banner(self, _: messages.Command) -> messages.Result:
+        for text in BANNER:
+            self.voice.send_text(messages.Severity.INFO, text)
+        return messages.Result.ACCEPTED
 
     def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
         self._file_server = ArduPilotFileServer(
@@ -431,6 +440,8 @@ class ArduPilot(Autopilot):
         order, kinds = command.integer_param(0), command.integer_param(1) or EVERY_FENCE
         if order not in {0, 1}:
             return messages.Result.ACCEPTED if order == 2 else messages.Result.FAILED  # 2 is of least heights alone
+        if order and not int(self.params["FENCE_TYPE"]) & kinds & (-1 if self._shapes else ~POLYGON_BIT):
+            return messages.Result.FAILED
         self._fences_on = self._fences_on | kinds if order else self._fences_on & ~kinds
         self._fences_off = self._fences_off & ~kinds if order else self._fences_off | kinds
         return messages.Result.ACCEPTED
@@ -441,7 +452,7 @@ class ArduPilot(Autopilot):
             for bit, name, out in (
                 (1, "Max Alt", place.up_m > self.params["FENCE_ALT_MAX"]),
                 (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
-                (4, "Polygon", not mission_store.is_inside(self._shapes, place)),
+                (POLYGON_BIT, "Polygon", not mission_store.is_inside(self._shapes, place)),
             )
             if self._fences & bit and out
         ]

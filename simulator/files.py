@@ -22,6 +22,7 @@ WORD = struct.Struct("<I")
 CHUNKS_A_STEP = 5
 """Of a burst: about what both send between two rounds over a network."""
 WRITES = frozenset({Ftp.OPENFILEWO, Ftp.CREATEFILE})
+OPENS = WRITES | {Ftp.OPENFILERO}
 BAD_FILE, NO_FOLDER, IS_FOLDER, NOT_EMPTY = 9, 20, 21, 39
 """errno."""
 
@@ -223,6 +224,10 @@ class FileServer:
     def _offset_of(self, request: FileRequest) -> int:
         return request.offset
 
+    def _session_of(self, request: FileRequest, opcode: Ftp) -> int:
+        """Return the session that an answer names: that of an opened file is 0, whatever was asked for."""
+        return 0 if opcode == Ftp.ACK and request.operation in OPENS else request.session
+
     def _carry_out(self, request: FileRequest, now_s: float) -> Reply:  # noqa: ARG002 - tick closes what was forgotten
         if request.operation in {Ftp.READFILE, Ftp.BURSTREADFILE, Ftp.WRITEFILE, Ftp.TERMINATESESSION} and (
             request.session != 0 or self._open is None
@@ -327,7 +332,13 @@ class FileServer:
     ) -> Outbound:  # fmt: skip
         number = request.number if number is None else number
         head = REPLY.pack(
-            (number + 1) & 0xFFFF, request.session, opcode, len(reply.data), request.operation, ends, reply.offset
+            (number + 1) & 0xFFFF,
+            self._session_of(request, opcode),
+            opcode,
+            len(reply.data),
+            request.operation,
+            ends,
+            reply.offset,
         )
         frame = build_message(
             "FILE_TRANSFER_PROTOCOL", target_network=0, target_system=to.sysid, target_component=to.compid,
@@ -377,6 +388,9 @@ class ArduPilotFileServer(FileServer):
 
     def _offset_of(self, request: FileRequest) -> int:
         return request.offset if request.operation in {Ftp.LISTDIRECTORY, Ftp.READFILE, Ftp.WRITEFILE} else 0
+
+    def _session_of(self, request: FileRequest, opcode: Ftp) -> int:  # noqa: ARG002 - the station's own
+        return request.session
 
     def _carry_out(self, request: FileRequest, now_s: float) -> Reply:
         ends = request.operation in {Ftp.TERMINATESESSION, Ftp.RESETSESSION}

@@ -74,6 +74,7 @@ class MavCommand(IntEnum):
     REQUEST_MESSAGE = 512
     REQUEST_AUTOPILOT_CAPABILITIES = 520
     DO_GIMBAL_MANAGER_CONFIGURE = 1001
+    DO_SEND_BANNER = 42428
 
 
 class FileOperation(IntEnum):
@@ -194,6 +195,15 @@ class MissionCount:
     """MISSION_COUNT."""
 
     count: int
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionWritePartialList:
+    """MISSION_WRITE_PARTIAL_LIST: some of the items on board are sent anew."""
+
+    first: int
+    last: int
     mission_type: int
 
 
@@ -327,8 +337,9 @@ class Ping:
 
 
 MissionMessage = (
-    MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionAckReceived | MissionClearAll
-)
+    MissionCount | MissionWritePartialList | ItemReceived | MissionRequestList | MissionRequest | MissionAckReceived
+    | MissionClearAll
+)  # fmt: skip
 Body = (
     Heartbeat | Command | SetMode | MissionMessage | MissionSetCurrent | ParamRequestList | ParamRequestRead | ParamSet
     | SetPoint | FileRequest | RequestDataStream | RadioStatus | Timesync | Ping
@@ -353,7 +364,7 @@ def describe_order(body: Body) -> str:
             return "order mission file"
         case MissionClearAll():
             return "order clear"
-        case MissionSetCurrent(seq):
+        case MissionSetCurrent(seq) | MissionWritePartialList(seq):
             return f"order item {seq}"
         case ParamSet(name):
             return f"order parameter {name}"

@@ -59,6 +59,8 @@ class Transfer:
     """PX4's second buffer, and both autopilots' for what is no mission."""
     kind: int = messages.MISSION_TYPE_MISSION
     """MAV_MISSION_TYPE."""
+    rest: tuple[MissionItem, ...] = ()
+    """What stays behind them, where a part is sent anew."""
 
     def is_stalled(self, fault: UploadFault) -> bool:
         """Return whether an injected fault keeps the vehicle from asking on."""

@@ -20,6 +20,7 @@ from simulator.messages import (
     MissionRequest,
     MissionRequestList,
     MissionResult,
+    MissionWritePartialList,
     Peer,
     Severity,
 )
@@ -88,12 +89,12 @@ class ArduPilotList:
         match message:
             case MissionCount(count):
                 return self._begin(count, sender, now_s)
+            case MissionWritePartialList(first, last):
+                return self._begin_part(first, last, sender, now_s)
             case ItemReceived():
                 return self._take(message, sender, now_s)
-            case MissionClearAll() if locked:
-                return self._build_ack(sender, MissionResult.ERROR)
             case MissionClearAll():
-                return self._clear(sender)
+                return self._build_ack(sender, MissionResult.ERROR) if locked else self._clear(sender)
             case MissionRequestList():
                 return StoreStep((build_mission_count(sender, len(self.items), mission_type=self.kind),))
             case MissionRequest():
@@ -128,6 +129,17 @@ class ArduPilotList:
         self._upload = upload if count > 0 else None
         step = self._finish(upload, sender) if count == 0 else self._request_next_item(upload, now_s)
         return replace(step, truncated=self._truncate(count))
+
+    def _begin_part(self, first: int, last: int, sender: Peer, now_s: float) -> StoreStep:
+        """Ask for a part of what is on board; the rest stays."""
+        if self._upload is not None:
+            return self._build_ack(sender, MissionResult.DENIED)
+        if not 0 <= first <= last <= len(self.items):
+            text = ((Severity.WARNING, "Flight plan update rejected"),)
+            return self._build_ack(sender, MissionResult.ERROR, text)
+        before, rest = list(self.items[:first]), self.items[last + 1 :]
+        self._upload = Transfer(sender, last + 1, now_s, now_s, first, before, self.kind, rest)
+        return self._request_next_item(self._upload, now_s)
 
     def _truncate(self, count: int) -> bool:  # noqa: ARG002 - it is replaced at its last item
         """Shorten what is on board to an upload's length; returns whether that is done as it is announced."""
@@ -164,9 +176,10 @@ class ArduPilotList:
         upload.items.append(_to_stored_place(item))
 
     def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:
-        if self.kind == FENCE and not is_complete_list(upload.items):
+        items = (*upload.items, *upload.rest)
+        if self.kind == FENCE and not is_complete_list(items):
             return self._build_ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
-        return self._replace_items(tuple(upload.items), sender)
+        return self._replace_items(items, sender)
 
     def _clear(self, sender: Peer) -> StoreStep:
         return self._replace_items((), sender)

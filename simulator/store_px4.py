@@ -126,6 +126,8 @@ class Px4Store:
         match message:
             case messages.MissionCount():
                 return self._begin(message, sender, now_s)
+            case messages.MissionWritePartialList():
+                return StoreStep()  # it does not know this message
             case messages.ItemReceived():
                 return self._store(message, sender, now_s)
             case messages.MissionRequestList():

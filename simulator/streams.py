@@ -19,7 +19,7 @@ MESSAGE_NAMES = {number: name for name, number in MESSAGE_IDS.items()}
 STREAMS: Mapping[int, tuple[str, ...]] = {
     1: ("GPS_RAW_INT",), 2: ("SYS_STATUS", "MISSION_CURRENT", "GPS_RAW_INT"),
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"), 10: ("ATTITUDE",), 11: ("VFR_HUD",),
-    12: ("BATTERY_STATUS", "SYSTEM_TIME", "EXTENDED_SYS_STATE"),
+    12: ("BATTERY_STATUS", "SYSTEM_TIME", "EXTENDED_SYS_STATE", "EKF_STATUS_REPORT"),
 }  # fmt: skip
 """What REQUEST_DATA_STREAM asks for, by MAV_DATA_STREAM; 0 is all of it."""
 

@@ -86,6 +86,9 @@ READERS: Mapping[str, Callable[[Fields], messages.Body]] = {
     "SET_POSITION_TARGET_LOCAL_NED": lambda said: _parse_set_point(said, local=True),
     "SET_MODE": lambda said: messages.SetMode(said.custom_mode),
     "MISSION_COUNT": lambda said: messages.MissionCount(said.count, said.mission_type),
+    "MISSION_WRITE_PARTIAL_LIST": lambda said: messages.MissionWritePartialList(
+        said.start_index, said.end_index, said.mission_type
+    ),
     "MISSION_ITEM_INT": lambda said: _parse_item(said, integer=True),
     "MISSION_ITEM": lambda said: _parse_item(said, integer=False),
     "MISSION_REQUEST_LIST": lambda said: messages.MissionRequestList(said.mission_type),

@@ -84,7 +84,7 @@ def list_files(at: Bench) -> None:
     by_files()(at)
     found = at.controller.list_remote_files("/")
     assert found is not None
-    assert "note.txt" in {one.filename for one in found}
+    assert "note.txt" in {one.name for one in found}
 
 
 def turn_motor(at: Bench) -> None:

@@ -1,4 +1,4 @@
-"""One vehicle, simulated or real, before a client that nobody here wrote; what is tried with it, and what comes of it."""
+"""One vehicle, simulated or real, before a client that nobody here wrote, and what comes of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.sitl import real
 
 T = TypeVar("T")
 AUTOPILOTS = ("px4", "ardupilot")
-PATIENCE_S = 25.0
+PATIENCE_S = 60.0
 """Real seconds for a case; most clients give up earlier."""
 READY_S = 90.0
 """Real seconds in which a real autopilot may be armed."""
@@ -78,7 +78,7 @@ class Subject:
 
     async def until_stored(self, *, fence: int = 0, rally: int = 0) -> None:
         """Wait until so many items of a fence, and rally points, are on board."""
-        while not self.has_stored(fence=fence, rally=rally):
+        while not self.has_stored(fence=fence, rally=rally):  # noqa: ASYNC110 - nobody tells when
             await asyncio.sleep(ASK_AGAIN_S)
 
     def wait_until(self, is_so: Callable[[VehicleState], bool], patience_s: float = PATIENCE_S) -> None:
@@ -87,7 +87,7 @@ class Subject:
 
     async def until(self, is_so: Callable[[VehicleState], bool]) -> None:
         """Wait until something is true of it."""
-        while not self.is_so(is_so):
+        while not self.is_so(is_so):  # noqa: ASYNC110 - nobody tells when
             await asyncio.sleep(ASK_AGAIN_S)
 
 
@@ -115,7 +115,8 @@ def wait(is_so: Callable[[], bool], patience_s: float) -> None:
 @contextmanager
 def simulated(autopilot: str) -> Iterator[Subject]:
     """Lend a simulated vehicle."""
-    with fleet(autopilot=autopilot) as living, TemporaryDirectory() as folder:
+    parameters = real.NO_FAILSAFE[{"px4": real.PX4, "ardupilot": real.ARDUPILOT}[autopilot]]
+    with fleet(autopilot=autopilot, parameters=parameters) as living, TemporaryDirectory() as folder:
         yield Subject(autopilot, living[0].connection, Path(folder), living[0])
 
 

@@ -41,9 +41,9 @@ def build_plan(kind: str, *commands: int) -> Any:
 
     items = [
         MissionItem(
-            seq=seq, command=command, frame=MissionFrame.GlobalRelativeAltInt, x=round((PLACE_DEG[0] + seq * NORTH_DEG) * 1e7),
-            y=round(PLACE_DEG[1] * 1e7), z=20.0, current=seq == 0 and kind == "Mission",
-            param1=40.0 if kind == "Fence" else 0.0,
+            seq=seq, command=command, frame=MissionFrame.GlobalRelativeAltInt,
+            x=round((PLACE_DEG[0] + seq * NORTH_DEG) * 1e7), y=round(PLACE_DEG[1] * 1e7), z=20.0,
+            current=seq == 0 and kind == "Mission", param1=40.0 if kind == "Fence" else 0.0,
         )
         for seq, command in enumerate(commands)
     ]  # fmt: skip

@@ -12,12 +12,34 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import common as mav
 
-from tests.peers.judging import PLACE_DEG, Subject, Suite
+from tests.peers.judging import ASK_AGAIN_S, PLACE_DEG, Subject, Suite
 
 NORTH_DEG = 0.001
 FILES = "wp,fence,rally,param,ftp,mode,arm,cmdlong,misc"
 NOTE = "".join(f"line {number} of a note\n" for number in range(400))
 WP_HEAD = "QGC WPL 110"
+
+
+async def start(address: str, modules: str, folder: Path, *options: str) -> Process:
+    """Start MAVProxy in a folder."""
+    return await asyncio.create_subprocess_exec(
+        sys.executable, "-u", str(Path(sys.executable).with_name("mavproxy.py")), f"--master={address}",
+        f"--default-modules={modules}", "--state-basedir=.", *options,
+        cwd=folder, stdin=PIPE, stdout=PIPE, stderr=STDOUT,
+    )  # fmt: skip
+
+
+async def read_until(process: Process, *words: str) -> str:
+    """Return the first line that it prints which has any of these words.
+
+    Raises:
+        AssertionError: it ended.
+    """
+    assert process.stdout is not None
+    while line := (await process.stdout.readline()).decode(errors="replace"):
+        if any(one in line for one in words):
+            return line
+    raise AssertionError(f"MAVProxy ended before it said {words}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +55,8 @@ class Console:
         self.process.stdin.write(f"{line}\n".encode())
 
     async def wait_for(self, *words: str) -> str:
-        """Return the first line that it prints which has any of these words.
-
-        Raises:
-            AssertionError: it ended.
-        """
-        assert self.process.stdout is not None
-        while line := (await self.process.stdout.readline()).decode(errors="replace"):
-            if any(one in line for one in words):
-                return line
-        raise AssertionError(f"MAVProxy ended before it said {words}")
+        """Return the first line that it prints which has any of these words."""
+        return await read_until(self.process, *words)
 
     async def ask(self, line: str, *words: str) -> str:
         """Type a line and return what is said to it."""
@@ -53,10 +67,7 @@ class Console:
 @asynccontextmanager
 async def typing(subject: Subject) -> AsyncIterator[Console]:
     """Start MAVProxy, and wait until it has found the vehicle and its parameters."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-u", str(Path(sys.executable).with_name("mavproxy.py")), f"--master={subject.pymavlink}",
-        f"--default-modules={FILES}", "--state-basedir=.", cwd=subject.folder, stdin=PIPE, stdout=PIPE, stderr=STDOUT,
-    )  # fmt: skip
+    process = await start(subject.pymavlink, FILES, subject.folder)
     try:
         console = Console(subject, process)
         await console.wait_for("online system 1")
@@ -94,6 +105,11 @@ def count_items(path: Path) -> int:
     return len(path.read_text(encoding="ascii").splitlines()) - 1
 
 
+def read_commands(path: Path) -> list[str]:
+    """Return the commands of a file of waypoints."""
+    return [line.split("\t")[3] for line in path.read_text(encoding="ascii").splitlines()[1:]]
+
+
 async def load_mission(at: Console) -> None:
     count = write_mission(at.subject.folder)
     await at.ask("wp load mission.txt", "Loaded 5 waypoints in")
@@ -103,7 +119,8 @@ async def load_mission(at: Console) -> None:
 async def save_mission(at: Console) -> None:
     await load_mission(at)
     await at.ask("wp save back.txt", "Saved 5 waypoints to back.txt")
-    assert count_items(at.subject.folder / "back.txt") == 5
+    sent, back = (read_commands(at.subject.folder / name) for name in ("mission.txt", "back.txt"))
+    assert back == sent
 
 
 async def list_mission(at: Console) -> None:
@@ -192,7 +209,10 @@ def name_parameter(at: Console) -> str:
 
 
 async def fetch_parameters(at: Console) -> None:
+    """Fetch them; MAVProxy does so by itself as well, so it is asked until it has them all."""
     await at.ask("param fetch", "Received ")
+    while len({*(await at.ask("param status", "Have ")).split()[-2].split("/")}) != 1:  # noqa: ASYNC110 - nobody tells
+        await asyncio.sleep(ASK_AGAIN_S)
 
 
 async def show_parameter(at: Console) -> None:

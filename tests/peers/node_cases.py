@@ -8,6 +8,7 @@ from asyncio.subprocess import PIPE
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from shutil import which
 
 from tests.peers.judging import Subject, Suite
 
@@ -20,9 +21,11 @@ NAMES = (
 
 
 def find_package(name: str) -> str:
-    """Return the version of a package that npm has installed here; empty where there is none."""
+    """Return the version of a package that npm has installed here; empty where there is none, or no Node.js."""
     described = MODULES / name / "package.json"
-    return str(json.loads(described.read_text(encoding="utf-8"))["version"]) if described.exists() else ""
+    if not described.exists() or which("node") is None:
+        return ""
+    return str(json.loads(described.read_text(encoding="utf-8"))["version"])
 
 
 @asynccontextmanager

@@ -147,7 +147,8 @@ def fetch_all(at: Link) -> None:
 
 
 def set_one(at: Link) -> None:
-    assert mavparm.MAVParmDict().mavset(at.master, name := name_float(at), 33.5, parm_type=mav.MAV_PARAM_TYPE_REAL32)
+    name = name_float(at)
+    assert mavparm.MAVParmDict().mavset(at.master, name, 33.5, parm_type=mav.MAV_PARAM_TYPE_REAL32)
     at.subject.prove(lambda now: now.parameters[name] == 33.5)
 
 
@@ -155,8 +156,7 @@ def load_file(at: Link) -> None:
     (path := at.subject.folder / "some.parm").write_text(f"{name_float(at)} 44.0\n", encoding="ascii")
     known = mavparm.MAVParmDict()
     known[name_float(at)] = 1.0
-    count, _ = known.load(str(path), mav=at.master, check=False)
-    assert count == 1
+    assert known.load(str(path), mav=at.master)
     at.subject.wait_until(lambda now: now.parameters[name_float(at)] == 44.0)
 
 
@@ -206,6 +206,7 @@ def arm(at: Link) -> None:
 
 
 def hear_place(at: Link) -> None:
+    at.master.mav.request_data_stream_send(1, 1, mav.MAV_DATA_STREAM_ALL, 4, 1)
     place = at.master.location()
     at.subject.prove(lambda now: abs(now.lat_deg - place.lat) < 1e-5 and abs(now.lon_deg - place.lng) < 1e-5)
 

@@ -63,8 +63,8 @@ class Row:
         suite = SUITES[self.suite]
         otherwise = "" if self.otherwise is None else ", ".join(self.otherwise) or NOTHING
         cells = (
-            self.suite, suite.version, self.autopilot, len(suite.cases), len(self.passed), ", ".join(self.failed) or NOTHING,
-            self.tried, otherwise,
+            self.suite, suite.version, self.autopilot, len(suite.cases), len(self.passed),
+            ", ".join(self.failed) or NOTHING, self.tried, otherwise,
         )  # fmt: skip
         return f"| {' | '.join(map(str, cells))} |"
 

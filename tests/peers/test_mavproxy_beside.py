@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import sys
-from asyncio.subprocess import PIPE, STDOUT, Process
+from asyncio.subprocess import Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -22,7 +21,8 @@ from executor.simulated.simulated_fleet import fleet_of
 from executor.site.flight_keys import ForwardTable, LinkTable
 from simulator.testing import Fleet
 from tests.benchmarks.virtual.short_line import shared, short_ground
-from tests.peers.test_mavproxy import PATIENCE_S, said
+from tests.patience import PATIENCE_S
+from tests.peers.mavproxy_cases import read_until, start
 from tests.ports import free_port, free_ports
 
 OURS = 254
@@ -67,14 +67,12 @@ async def beside(folder: Path, autopilot: str, *, allow: bool) -> AsyncIterator[
     fleet = fleet_of(ground, speedup=1.0, faults=(), seed=1, wind=1.0, failsafe=True)
     request = FlightRequest(ground.site, folder, ground, shared(ground), folder, lambda _: ())
     async with Fleet(fleet), open_links(request, SystemClock(1.0), recorded=False) as links:
-        process = await asyncio.create_subprocess_exec(
-            sys.executable, "-u", str(Path(sys.executable).with_name("mavproxy.py")),
-            f"--master=tcp:127.0.0.1:{port}", "--default-modules=mode,cmdlong", "--state-basedir=.",
-            "--target-system=1", "--target-component=1",
-            cwd=folder, stdin=PIPE, stdout=PIPE, stderr=STDOUT,
-        )  # fmt: skip
+        process = await start(
+            f"tcp:127.0.0.1:{port}", "mode,cmdlong", folder, "--target-system=1", "--target-component=1"
+        )
         try:
-            await said(process, b"Detected vehicle 2:1")  # the other one, before or after
+            async with asyncio.timeout(PATIENCE_S):
+                await read_until(process, "Detected vehicle 2:1")  # the other one, before or after
             yield Ground(ground.names[0], dict(links), process)
         finally:
             process.kill()
@@ -87,7 +85,8 @@ async def test_what_mavproxy_orders_over_us_is_done_and_is_mavproxys(autopilot: 
     async with beside(tmp_path, autopilot, allow=True) as ground:
         await ground.wait_for(StationHeard(*MAVPROXY, behind=True))
         ground.type("long MAV_CMD_NAV_RETURN_TO_LAUNCH 0 0 0 0 0 0 0")
-        await said(ground.process, b"Got COMMAND_ACK: NAV_RETURN_TO_LAUNCH: ACCEPTED")
+        async with asyncio.timeout(PATIENCE_S):
+            await read_until(ground.process, "Got COMMAND_ACK: NAV_RETURN_TO_LAUNCH: ACCEPTED")
         await ground.wait_for(
             OrderSeen(20, None, MAVPROXY[0], 1), StationActed(*MAVPROXY, "sends MAV_CMD_NAV_RETURN_TO_LAUNCH")
         )

@@ -46,6 +46,7 @@ def test_set_message_interval_and_data_streams_are_followed() -> None:
     op.run(10)
     assert len(op.sent("SYS_STATUS")) == 20
     assert len(op.sent("MISSION_CURRENT")) == 20
+    assert len(op.sent("EKF_STATUS_REPORT")) == 20
 
 
 def test_a_full_radio_makes_every_interval_longer_and_an_empty_one_shorter_again() -> None:
@@ -524,6 +525,12 @@ def test_pause_and_continue_in_auto() -> None:
     assert op.command(MavCommand.DO_PAUSE_CONTINUE, 1) == 0
     op.run(5)
     assert speed_now(op) > 4
+
+
+def test_it_says_what_it_is() -> None:
+    op = operator()
+    assert op.command(MavCommand.DO_SEND_BANNER) == 0
+    assert op.texts()[-2:] == ["ArduCopter V4.7.0-dev (00000000)", "Frame: QUAD/X"]
 
 
 def test_unknown_modes_and_commands_are_refused() -> None:

@@ -90,3 +90,13 @@ def test_a_file_that_nobody_asks_for_is_closed() -> None:
     assert client.ask(Ftp.OPENFILERO, b"note", sender=OTHER)[0][3] == Ftp.NAK
     client.op.run(11)
     assert client.ask(Ftp.OPENFILERO, b"note", sender=OTHER)[0][3] == Ftp.ACK
+
+
+def test_px4_answers_with_its_own_session_and_ardupilot_with_the_stations() -> None:
+    for kind, own in ((AutopilotKind.PX4, 0), (AutopilotKind.ARDUPILOT, 66)):
+        client = Client(kind)
+        client.put(b"/note.txt", b"a note")
+        [opened] = client.op.send(FileRequest(900, 66, Ftp.OPENFILERO, 0, b"/note.txt", 9))
+        assert (opened.fields["payload"][2], opened.fields["payload"][3]) == (own, Ftp.ACK)  # type: ignore[index]
+        [refused] = client.op.send(FileRequest(901, 67, Ftp.OPENFILERO, 0, b"/none.txt", 9))
+        assert (refused.fields["payload"][2], refused.fields["payload"][3]) == (67, Ftp.NAK)  # type: ignore[index]

@@ -1,15 +1,18 @@
-"""Real UDP: both directions of a link, several vehicles, peers, time."""
+"""Real UDP, spoken by pymavlink: both directions of a link, several vehicles, peers, time."""
 
 from __future__ import annotations
 
-import asyncio
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
 import pytest
+from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from missions.items import MissionItem
 from simulator.config import AutopilotKind
 from simulator.fleet import MAX_LAG_S, SimClock
 from simulator.testing import fleet
@@ -21,93 +24,113 @@ from tests.simulator.harness import (
     LON_DEG,
     is_happening,
     numbered,
-    on_wire,
     rtl,
     sim_vehicle,
     speed,
     takeoff,
     waypoint,
 )
-from tests.simulator.station import Station
+
+PAD = (LAT_DEG, LON_DEG, ALT_M)
+KINDS = pytest.mark.parametrize("kind", list(AutopilotKind))
+
+
+@contextmanager
+def linked(address: str) -> Iterator[Any]:
+    """Join a vehicle that listens, after a HEARTBEAT, or listen for one that calls."""
+    link = mavutil.mavlink_connection(address, source_system=255)
+    try:
+        if address.startswith("udpout"):
+            beat(link)
+        yield link
+    finally:
+        link.close()
+
+
+def beat(link: Any) -> None:
+    link.mav.heartbeat_send(dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+
+
+def hear(link: Any, *names: str, good: Callable[[Any], bool] = lambda _: True) -> Any:
+    """Return the next such message; it must come."""
+    while not good(message := link.recv_match(type=list(names), blocking=True, timeout=PATIENCE_S)):
+        assert message is not None, f"no {' or '.join(names)}"
+    return message
 
 
 def is_from(sysid: int, message: Any) -> bool:
     return bool(message.get_srcSystem() == sysid)
 
 
-PAD = (LAT_DEG, LON_DEG, ALT_M)
-KINDS = pytest.mark.parametrize("kind", list(AutopilotKind))
+def upload(link: Any, items: Sequence[MissionItem]) -> int:
+    """Upload a mission to system 1 and return the type of the final ACK."""
+    link.mav.mission_count_send(1, 1, len(items))
+    while (asked := hear(link, "MISSION_ACK", "MISSION_REQUEST", "MISSION_REQUEST_INT")).get_type() != "MISSION_ACK":
+        item = items[asked.seq]
+        link.mav.mission_item_int_send(
+            1, 1, item.seq, item.frame, item.command, item.current, 1, item.param1, item.param2, item.param3,
+            item.param4, item.x, item.y, item.z,
+        )  # fmt: skip
+    return int(asked.type)
 
 
-@pytest.mark.asyncio
+def build_route(kind: AutopilotKind, *route: MissionItem) -> Sequence[MissionItem]:
+    """Return a mission as the autopilot lists it: ArduPilot's first item is its home."""
+    return numbered((waypoint(0, 0, 0.0), *route) if kind is AutopilotKind.ARDUPILOT else route, 0)
+
+
 @KINDS
-async def test_a_listening_ground_station_is_called_unasked(kind: AutopilotKind) -> None:
+def test_a_listening_ground_station_is_called_unasked(kind: AutopilotKind) -> None:
     vehicle = sim_vehicle(kind, connection=f"udpin://127.0.0.1:{(port := free_port())}")
-    async with Station.listening(port) as station, fleet([vehicle], speedup=5):
-        heartbeat = await station.wait_for("HEARTBEAT")
+    with linked(f"udpin:127.0.0.1:{port}") as station, fleet([vehicle], speedup=5):
+        heartbeat = hear(station, "HEARTBEAT")
         assert heartbeat.get_srcSystem() == 11
         assert heartbeat.autopilot == (3 if kind is AutopilotKind.ARDUPILOT else 12)
 
 
-@pytest.mark.asyncio
 @KINDS
-async def test_a_calling_ground_station_is_answered(kind: AutopilotKind) -> None:
-    async with fleet(autopilot=kind.value, speedup=5) as living, Station.calling(living[0].port) as station:
-        station.heartbeat()
-        await station.wait_for("HEARTBEAT")
-        route = (takeoff(), speed(5), waypoint(30, 0), rtl())
-        items = numbered((waypoint(0, 0, 0.0), *route) if kind is AutopilotKind.ARDUPILOT else route, 0)
-        assert await station.upload([on_wire(item) for item in items], sysid=1) == 0
+def test_a_calling_ground_station_is_answered(kind: AutopilotKind) -> None:
+    with fleet(autopilot=kind.value, speedup=5) as living, linked(living[0].pymavlink) as station:
+        hear(station, "HEARTBEAT")
+        assert upload(station, build_route(kind, takeoff(), speed(5), waypoint(30, 0), rtl())) == 0
 
 
-@pytest.mark.asyncio
 @KINDS
-async def test_a_mission_goes_on_board_over_a_radio_that_two_share(kind: AutopilotKind) -> None:
+def test_a_mission_goes_on_board_over_a_radio_that_two_share(kind: AutopilotKind) -> None:
     two = fleet(2, autopilot=kind.value, speedup=5, radio="sik")
-    async with two as living, Station.calling(living[0].port) as station:
-        station.heartbeat()
-        assert (await station.wait_for("RADIO_STATUS")).txbuf > 80
-        assert is_from(1, await station.wait_for("HEARTBEAT"))
-        items = numbered((waypoint(0, 0, 0.0), rtl()) if kind is AutopilotKind.ARDUPILOT else (takeoff(), rtl()), 0)
-        assert await station.upload([on_wire(item) for item in items], sysid=1) == 0
+    with two as living, linked(living[0].pymavlink) as station:
+        assert hear(station, "RADIO_STATUS").txbuf > 80
+        assert is_from(1, hear(station, "HEARTBEAT"))
+        assert upload(station, build_route(kind, takeoff(), rtl())) == 0
 
 
-@pytest.mark.asyncio
-async def test_several_vehicles_on_one_port_and_several_ground_stations() -> None:
+def test_several_vehicles_on_one_port_and_several_ground_stations() -> None:
     port = free_port()
     vehicles = tuple(
         sim_vehicle(AutopilotKind.PX4, name=f"uav{sysid}", sysid=sysid, connection=f"udpin://127.0.0.1:{port}")
         for sysid in (1, 2, 3)
     )
-    async with Station.listening(port) as station, fleet(vehicles, speedup=5):
+    with linked(f"udpin:127.0.0.1:{port}") as station, fleet(vehicles, speedup=5):
         for sysid in (1, 2, 3):
-            await station.wait_for("HEARTBEAT", good=partial(is_from, sysid))
-    async with (
-        fleet(speedup=5) as living,
-        Station.calling(living[0].port) as one,
-        Station.calling(living[0].port) as two,
-    ):
+            hear(station, "HEARTBEAT", good=partial(is_from, sysid))
+    with fleet(speedup=5) as living, linked(living[0].pymavlink) as one, linked(living[0].pymavlink) as two:
         for station in (one, two):
-            station.heartbeat()
-            await station.wait_for("HEARTBEAT")
+            hear(station, "HEARTBEAT")
 
 
-@pytest.mark.asyncio
-async def test_a_mission_is_flown_over_udp_and_its_truths_are_dated() -> None:
+def test_a_mission_is_flown_over_udp_and_its_truths_are_dated() -> None:
     # At this speed a busy machine would set the failsafe off.
     flown = fleet(speedup=50, faults=["uav1:crash@50%"], parameters={"NAV_DLL_ACT": 0}, home=PAD)
     began_unix_s, truths = time.time(), flown.truths
-    async with flown, Station.calling(flown[0].port) as station, asyncio.timeout(PATIENCE_S):
-        station.heartbeat()
-        items = numbered((takeoff(10.0), speed(5), waypoint(60, 0, 10.0), rtl()), 0)
-        assert await station.upload([on_wire(item) for item in items], sysid=1) == 0
+    with flown, linked(flown[0].pymavlink) as station:
+        assert upload(station, numbered((takeoff(10.0), speed(5), waypoint(60, 0, 10.0), rtl()), 0)) == 0
         while not any(truth.what == "mission_started" for truth in truths):
-            station.heartbeat()
-            station.send(dialect.MAVLink_command_long_message(1, 1, 300, 0, 0, 0, 0, 0, 0, 0, 0))
-            await station.wait_for("COMMAND_ACK")
+            beat(station)
+            station.mav.command_long_send(1, 1, dialect.MAV_CMD_MISSION_START, 0, 0, 0, 0, 0, 0, 0, 0)
+            hear(station, "COMMAND_ACK")
         while not any(truth.what == "crash" for truth in truths):
-            station.heartbeat()
-            await station.wait_for("GLOBAL_POSITION_INT", "HEARTBEAT")
+            beat(station)
+            hear(station, "GLOBAL_POSITION_INT", "HEARTBEAT")
     assert [truth.what for truth in truths if is_happening(truth)] == [
         "armed", "mission_started", "took_off", "fault uav1:crash@50%", "crash", "disarmed",
     ]  # fmt: skip
@@ -131,17 +154,16 @@ async def test_a_taken_port_is_an_error_and_leaves_nothing_open() -> None:
             assert True
 
 
-@pytest.mark.asyncio
-async def test_twenty_vehicles_at_speed_1_keep_up() -> None:
+def test_twenty_vehicles_at_speed_1_keep_up() -> None:
     port = free_port()
     vehicles = tuple(
         sim_vehicle(AutopilotKind.PX4, name=f"uav{sysid}", sysid=sysid, connection=f"udpin://127.0.0.1:{port}")
         for sysid in range(1, 21)
     )
-    async with Station.listening(port) as station, fleet(vehicles):
+    with linked(f"udpin:127.0.0.1:{port}") as station, fleet(vehicles):
         for _ in range(2):
             for sysid in range(1, 21):
-                await station.wait_for("HEARTBEAT", good=partial(is_from, sysid))
+                hear(station, "HEARTBEAT", good=partial(is_from, sysid))
 
 
 def test_the_clock_makes_up_for_a_short_stall_and_not_for_a_long_one() -> None:

@@ -8,12 +8,15 @@ from dataclasses import replace
 import pytest
 
 from missions.items import Frame, MissionItem, PlaceCommand
+from simulator.ardupilot import FENCE_BIT
 from simulator.config import AutopilotKind
 from simulator.messages import (
+    MavCommand,
     MissionAckReceived,
     MissionCount,
     MissionRequest,
     MissionRequestList,
+    MissionWritePartialList,
     Outbound,
     ParamSet,
 )
@@ -113,10 +116,36 @@ def test_too_few_corners_are_refused_and_an_abandoned_upload_changes_nothing(kin
     assert read(op) == meant(square(100.0))
 
 
+def test_a_part_of_a_fence_is_replaced_and_the_rest_stays() -> None:
+    op = Operator(ARDUPILOT)
+    assert put(op, square(100.0)) == 0
+    corner = square(120.0)[1]
+    op.send(MissionWritePartialList(1, 1, FENCE))
+    op.send(replace(on_wire(corner), mission_type=FENCE))
+    assert read(op) == meant((square(100.0)[0], corner, *square(100.0)[2:]))
+
+
+def test_px4_does_not_know_parts() -> None:
+    assert Operator(AutopilotKind.PX4).send(MissionWritePartialList(0, 0, FENCE)) == []
+
+
 def test_what_ardupilot_has_no_room_for() -> None:
     op = Operator(ARDUPILOT)
     assert put(op, square(10.0) * 20) == 4
     assert "Only 70 items are supported" in op.texts()
+
+
+def test_a_station_switches_ardupilots_fence_on_and_off() -> None:
+    op = Operator(ARDUPILOT, {"parameters": {"FENCE_TYPE": 4.0}})
+    op.run(60.0)
+    assert op.command(MavCommand.DO_FENCE_ENABLE, 1) == 4, "it has no polygon"
+    assert put(op, square(100.0)) == 0
+    assert op.command(MavCommand.DO_FENCE_ENABLE, 1) == 0
+    assert op.telemetry("SYS_STATUS", 1)["onboard_control_sensors_enabled"] & FENCE_BIT  # type: ignore[operator]
+    op.vehicle.params["FENCE_ENABLE"] = 1.0
+    assert op.command(MavCommand.DO_FENCE_ENABLE, 0) == 0
+    assert not op.telemetry("SYS_STATUS", 1)["onboard_control_sensors_enabled"] & FENCE_BIT  # type: ignore[operator]
+    assert op.command(MavCommand.DO_FENCE_ENABLE, 7) == 4
 
 
 def mode_of(op: Operator) -> int:

@@ -12,6 +12,7 @@ from simulator.messages import (
     MissionCount,
     MissionRequest,
     MissionRequestList,
+    MissionWritePartialList,
     Outbound,
 )
 from tests.simulator.harness import (
@@ -53,6 +54,20 @@ def test_item_0_reads_back_as_its_own_home() -> None:
     home = op.download()[0]
     assert (home["x"], home["y"]) == op.vehicle.home.lat_lon_e7(0, 0)
     assert (home["z"], home["frame"]) == (300.0, 0)
+
+
+def test_a_part_is_replaced_and_the_rest_stays() -> None:
+    op = operator()
+    op.upload(LIST)
+    [asked] = op.send(MissionWritePartialList(3, 3, 0))
+    assert (asked.name, asked.fields["seq"]) == ("MISSION_REQUEST", 3)
+    higher = replace(LIST[3], z=33.0)
+    assert [answer.fields.get("type") for answer in op.send(on_wire(higher)) if answer.name == "MISSION_ACK"] == [0]
+    back = op.download()
+    assert [item["command"] for item in back] == [item.command for item in LIST]
+    assert [item["z"] for item in back][3] == 33.0
+    refused = op.send(MissionWritePartialList(3, len(LIST) + 1, 0))
+    assert [answer.fields["type"] for answer in refused if answer.name == "MISSION_ACK"] == [1]
 
 
 def test_read_back_rewrites_frames_current_and_params() -> None:
