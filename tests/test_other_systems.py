@@ -12,6 +12,7 @@ import pytest
 
 from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.flight.restore_vehicles import PARAMETERS
+from tests.patience import PATIENCE_S
 from tests.recorded import Writer, flight
 from tests.test_extras import SITE, build_command, called
 
@@ -63,6 +64,6 @@ def test_windows_serves_the_plan_page(tmp_path: Path) -> None:
         try:
             line = page.stdout.readline()
             assert line.startswith("page: http://127.0.0.1:"), line
-            assert httpx.get(line.removeprefix("page: ").strip(), timeout=60).status_code == 200
+            assert httpx.get(line.removeprefix("page: ").strip(), timeout=PATIENCE_S).status_code == 200
         finally:
             page.send_signal(signal.SIGINT)

@@ -15,6 +15,7 @@ import httpx
 import pytest
 
 from tests.composed import ROOT
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 VEHICLES = 3
@@ -61,6 +62,7 @@ class Engine:
 
     def read_page_address(self) -> str:
         """Return the page's address, as the site's service prints it."""
+        address: str
         [address] = set(re.findall(r"http://\S+", podman("logs", self.container(f"site-{self.profile}"))))
         return address
 
@@ -98,7 +100,7 @@ def test_a_profile_flies_to_its_end(engine: Engine, tmp_path: Path) -> None:
     up = engine.compose("up", "--detach", "--no-build")
     assert up.returncode == 0, up.stderr
     with httpx.Client(transport=httpx.HTTPTransport(retries=12), follow_redirects=True) as browser:  # until it is there
-        assert "faultline" in browser.get(engine.read_page_address(), timeout=60).text
+        assert "faultline" in browser.get(engine.read_page_address(), timeout=PATIENCE_S).text
     heard = ("mosquitto_sub", "-t", "faultline/v1/#", "-C", "1", "-F", "%t")
     assert podman("exec", engine.container("broker"), *heard).startswith("faultline/v1/")
     code = podman("wait", engine.executor).strip()
