@@ -19,7 +19,7 @@ const MARKS = { info: "·", warning: "▲", fault: "■" };
 try {
   await useLanguage(wanted(), ["page", "lines"]);
 } catch {
-  // Whoever flies needs the page more than the language.
+  // A crew needs the page more than its language.
 }
 translateDocument(document.body);
 offerLanguages(byId("language", HTMLSelectElement));
