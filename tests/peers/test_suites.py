@@ -15,8 +15,8 @@ from tests.programs import leave_out
 PASSED = [(row.suite, row.autopilot, case) for row in suites.read_rows().values() for case in row.passed]
 
 
-def test_no_suite_fails_altogether() -> None:
-    assert [row for row in suites.read_rows().values() if not row.passed] == []
+def test_the_table_has_something_of_every_client_that_was_tried() -> None:
+    assert {SUITES[suite].client for suite, _, _ in PASSED} == {suite.client for suite in SUITES.values()}
 
 
 @pytest.mark.asyncio
