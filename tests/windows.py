@@ -17,7 +17,8 @@ from typing import Any, NoReturn, cast
 OURS = ("executor", "faultline", "missions", "planner", "simulator")
 OTHERS = (
     "concurrent.futures.process multiprocessing.connection multiprocessing.popen_spawn_posix multiprocessing.queues "
-    "multiprocessing.synchronize fastapi jinja2 lxml numba numpy pydantic pymavlink.mavutil pyproj rich.console serial typer.main uvicorn"
+    "multiprocessing.synchronize fastapi jinja2 lxml numba numpy pydantic pymavlink.mavutil pyproj rich.console serial "
+    "typer.main uvicorn"
 )
 """What asks for the system when it is loaded."""
 MISSING = "fcntl grp pty pwd readline resource syslog termios tty"
