@@ -15,7 +15,11 @@ from types import ModuleType
 from typing import Any, NoReturn, cast
 
 OURS = ("executor", "faultline", "missions", "planner", "simulator")
-OTHERS = "fastapi jinja2 lxml numba numpy pydantic pymavlink.mavutil pyproj rich.console serial typer.main uvicorn"
+OTHERS = (
+    "concurrent.futures.process multiprocessing.connection multiprocessing.popen_spawn_posix multiprocessing.queues "
+    "multiprocessing.synchronize fastapi jinja2 lxml numba numpy pydantic pymavlink.mavutil pyproj rich.console serial "
+    "typer.main uvicorn"
+)
 """What asks for the system when it is loaded."""
 MISSING = "fcntl grp pty pwd readline resource syslog termios tty"
 LACKS: dict[ModuleType, str] = {

@@ -30,7 +30,7 @@ ENDS_S = 1.0
 @contextmanager
 def defer_ctrl_c() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach; one that comes meanwhile is delivered afterwards."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows, where nothing holds signals back
+    if sys.platform == "win32":  # where nothing holds signals back
         yield
         return
     from multiprocessing import resource_tracker

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path, PurePath
@@ -134,6 +135,8 @@ def _hold(file: BinaryIO) -> None:
         BlockingIOError: another process holds it.
         ImportError: the system has no such locks.
     """
+    if sys.platform == "win32":
+        raise ImportError("fcntl")
     import fcntl
 
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
