@@ -17,7 +17,7 @@ from simulator.files import ArduPilotFileServer, FileServer, FileTree, VirtualFi
 from simulator.guidance import ThrottleDescent, find_stopping_place
 from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
 from simulator.params import PACKED_PARAMETERS
-from simulator.physics import GPS_BIT, Home, Limits, Place, Velocity
+from simulator.physics import GPS_BIT, Home, Limits, Place, Vector, Velocity
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.streams import MESSAGE_IDS, Streams
 from simulator.telemetry import build_battery_status, build_sys_status
@@ -282,7 +282,7 @@ class ArduPilot(Autopilot):
             return
         said = self.guided.note(point, self.now_s)
         self._drifts = isinstance(self.guided.last, Velocity)
-        if not said or (isinstance(self.guided.last, Place) and self._find_breaches(self.guided.last)):
+        if not said or (isinstance(self.guided.last, Vector) and self._find_breaches(self.guided.last)):
             self.frame.pilot.hold()
         else:
             self.guided.follow(self.mission.speed_m_s)

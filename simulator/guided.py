@@ -7,7 +7,7 @@ import math
 from simulator.airframe import Airframe
 from simulator.guidance import Circle, Drift, Hover, Leg, find_stopping_place, find_target
 from simulator.messages import SetPoint
-from simulator.physics import Home, Limits, Place, Velocity
+from simulator.physics import Home, Limits, Place, Vector, Velocity
 
 ABSOLUTE, RELATIVE = frozenset({0, 5}), frozenset({3, 6, 10, 11})
 """MAV_FRAME by what heights count from; the ground is level, so that it is the terrain too."""
@@ -61,7 +61,7 @@ class GuidedFlight:
     def follow(self, speed_m_s: float) -> None:
         """Fly as the last set-point says: to a place at this speed at most, or at its own."""
         match self.last:
-            case Place() if find_target(self._frame.pilot.goal) != self.last:
+            case Vector() if find_target(self._frame.pilot.goal) != self.last:
                 self.go(self.last, speed_m_s)
             case Velocity() if self.may_move:
                 self._frame.pilot.fly([Drift(self.last)])

@@ -157,8 +157,8 @@ def _make_states(vehicle: Reporter) -> Mapping[str, Builder]:
         "ODOMETRY": lambda: build_message(
             "ODOMETRY", time_usec=vehicle.boot_ms * 1000, frame_id=LOCAL_NED, child_frame_id=LOCAL_NED,
             x=body.north_m, y=body.east_m, z=-body.up_m, q=body.quaternion, vx=body.v_north_m_s, vy=body.v_east_m_s,
-            vz=-body.v_up_m_s, **name_rates(body), pose_covariance=UNKNOWN_COVARIANCE, velocity_covariance=UNKNOWN_COVARIANCE,
-            reset_counter=0, estimator_type=AUTOPILOT_ESTIMATOR, quality=0,
+            vz=-body.v_up_m_s, **name_rates(body), pose_covariance=UNKNOWN_COVARIANCE,
+            velocity_covariance=UNKNOWN_COVARIANCE, reset_counter=0, estimator_type=AUTOPILOT_ESTIMATOR, quality=0,
         ),
         "HIL_STATE_QUATERNION": lambda: _build_truth(vehicle, name_rates(body)),
         "SIMSTATE": lambda: build_message(

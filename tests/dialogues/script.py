@@ -360,7 +360,10 @@ def guided(dialect: Dialect) -> Chapter:
         }
         return Say("SET_POSITION_TARGET_GLOBAL_INT", {"time_boot_ms": 0, "type_mask": mask, **place, **speeds})
 
-    up = (order(ARM_DISARM, 1), order(TAKE_OFF, 0, 0, 0, math.nan, math.nan, math.nan, ALT_M + HEIGHT_M))
+    up: tuple[Say, ...] = (
+        order(ARM_DISARM, 1),
+        order(TAKE_OFF, 0, 0, 0, math.nan, math.nan, math.nan, ALT_M + HEIGHT_M),
+    )
     if dialect.home_item:
         up = (set_mode(dialect.modes.guided), order(ARM_DISARM, 1), order(TAKE_OFF, 0, 0, 0, 0, 0, 0, HEIGHT_M))
     there = (Until(What.FAST, 2.0), Until(What.STILL))

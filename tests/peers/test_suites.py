@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.patience import PATIENCE_S
-from tests.peers import judging, suites
+from tests.peers import judging, node_cases, suites
 from tests.peers.judging import READY_S, Subject, Suite
 from tests.peers.suites import HEAD, SUITES, Row
 from tests.programs import leave_out
@@ -51,9 +51,9 @@ async def test_a_case_that_fails_says_why(tmp_path: Path) -> None:
     async def refuse(at: Subject) -> None:
         at.prove(lambda now: now.armed)
 
-    suite = Suite("pytest", suites.node_cases.lent, {"blocking": fail, "untrue": refuse})
+    suite = Suite("pytest", node_cases.lent, {"blocking": fail, "untrue": refuse})
     with judging.simulated("px4") as subject:
         assert await suite.find_fault(subject, "blocking") == "TimeoutError: px4 says nothing"
         assert "own state does not" in await suite.find_fault(subject, "untrue")
     assert suite.version
-    assert not Suite("no-such-client", suites.node_cases.lent, {}).version
+    assert not Suite("no-such-client", node_cases.lent, {}).version

@@ -138,8 +138,10 @@ def test_a_wreck_lies_armed_in_its_mode_and_goes_on_talking(kind: AutopilotKind)
     beat = flight.heard("HEARTBEAT")[-1]
     assert (beat.base_mode & 128, beat.custom_mode) == (128, mode)
     attitude = flight.vehicle.autopilot._builders["ATTITUDE"]()
+    assert attitude is not None
     assert math.degrees(attitude.fields["roll"]) == pytest.approx(170.0)  # type: ignore[arg-type]
     position = flight.vehicle.autopilot._builders["GLOBAL_POSITION_INT"]()
+    assert position is not None
     assert position.fields["relative_alt"] == 100
 
 

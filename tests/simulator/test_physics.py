@@ -12,7 +12,7 @@ from simulator.ardupilot import LIMITS as ARDUPILOT_LIMITS
 from simulator.autopilot import STEP_S
 from simulator.guidance import Climb, GoalFollower, Hover, Leg, corner_speed_m_s, distance_m
 from simulator.physics import Body, Home, Place, Velocity
-from simulator.px4 import LIMITS as PX4_LIMITS
+from simulator.px4_guided import LIMITS as PX4_LIMITS
 
 SPEEDS = st.floats(-15, 15)
 
