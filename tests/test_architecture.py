@@ -178,4 +178,4 @@ def test_the_simulator_counts_as_mavlink_does() -> None:
     assert set(found) == set(SIMULATED)
     for name, enum in found.items():
         for member in enum:
-            assert getattr(mav, SIMULATED[name] + member.name) == member.value, f"{name}.{member.name}"
+            assert getattr(ardupilotmega, SIMULATED[name] + member.name) == member.value, f"{name}.{member.name}"

@@ -118,6 +118,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/flights.py",
         "executor/flight/restore_vehicles.py",
     ),
+    "tests/e2e/test_report.py": ("executor/analysis/report_map.py",),
     "tests/executor/adapters/test_interrupts.py": ("executor/cli/exit_codes.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
