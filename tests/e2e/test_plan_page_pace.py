@@ -42,7 +42,7 @@ async def test_a_loss_of_eighty_segments_is_drawn_within_the_frames_of_half_a_se
     [made] = make_plans(text, tmp_path, PlanSettings(seconds=60.0, iterations=2000, cost="minmax"), tmp_path, 1)
     (tmp_path / f"{made.id}.json").rename(tmp_path / "plan.json")
     async with planning(tmp_path, site) as (page, server):
-        server.follow_until(lambda news: news["warm"])
+        await asyncio.to_thread(server.follow_until, lambda news: news["warm"])
         await expect(page.locator("#times")).to_be_visible()
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))
