@@ -36,11 +36,9 @@ autopilot = "ardupilot"
 """
 WITHOUT = """
 import contextlib, io, json, sys
-hidden, calls, captured = json.loads(sys.argv[1])
+hidden, calls = json.loads(sys.argv[1])
 sys.modules.update(dict.fromkeys(hidden))  # as if they were not installed
 from executor.cli.main import main
-if not captured:
-    main(calls[0])
 done = []
 for call in calls:
     out, err = io.StringIO(), io.StringIO()
@@ -84,11 +82,9 @@ REFUSED = {
 """What needs one: in whose words, and which."""
 
 
-def build_command(
-    hidden: Collection[str], calls: Sequence[str], *, first: str = "", captured: bool = True
-) -> list[str]:
+def build_command(hidden: Collection[str], calls: Sequence[str], *, first: str = "") -> list[str]:
     """Return a command that calls the command line in a process in which something is done first."""
-    order = json.dumps([sorted(hidden), [call.split() for call in calls], captured])
+    order = json.dumps([sorted(hidden), [call.split() for call in calls]])
     start = f"import sys; sys.path.insert(0, {str(ROOT)!r}); {first}{WITHOUT}"
     return [sys.executable, "-X", "warn_default_encoding", "-c", start, order]
 

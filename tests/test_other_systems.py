@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
 from collections.abc import Mapping
-from pathlib import Path
 
-import httpx
 import pytest
 
 from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.flight.restore_vehicles import PARAMETERS
-from tests.patience import PATIENCE_S
 from tests.recorded import Writer, flight
-from tests.test_extras import SITE, build_command, called
+from tests.test_extras import SITE, called
 
 WINDOWS = "import tests.windows; tests.windows.pretend()"
 DONE = (
@@ -54,16 +49,3 @@ def test_windows_flies_nothing_and_says_what_does(call: str, said: Mapping[str, 
     code, _, err = said[call]
     assert (code, err.splitlines()[-1].count("WSL 2")) == (2, 1), err
     assert "Traceback" not in err
-
-
-def test_windows_serves_the_plan_page(tmp_path: Path) -> None:
-    (tmp_path / "site.toml").write_text(SITE, encoding="utf-8")
-    command = build_command([], ["open --no-browser"], first=WINDOWS, captured=False)
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as page:
-        assert page.stdout is not None
-        try:
-            line = page.stdout.readline()
-            assert line.startswith("page: http://127.0.0.1:"), line
-            assert httpx.get(line.removeprefix("page: ").strip(), timeout=PATIENCE_S).status_code == 200
-        finally:
-            page.send_signal(signal.SIGINT)
