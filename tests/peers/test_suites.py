@@ -12,10 +12,7 @@ from tests.peers.judging import READY_S, Subject, Suite
 from tests.peers.suites import HEAD, SUITES, Row
 from tests.programs import leave_out
 
-QUICK = {f"MAVSDK {plugin}" for plugin in ("action", "param", "geofence", "telemetry", "ftp", "failure")} | {
-    "pymavlink mavwp",
-    "pymavlink mavftp",
-}
+QUICK = {f"MAVSDK {plugin}" for plugin in ("action", "param", "geofence", "telemetry")}
 """What ./scripts/test holds; ./scripts/campaign holds all of them."""
 PASSED = [
     pytest.param(row.suite, row.autopilot, case, marks=() if row.suite in QUICK else pytest.mark.campaign)
