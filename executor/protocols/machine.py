@@ -21,7 +21,6 @@ VARIANCES = 2
 question is 20 bytes, and on a link that loses a fifth each way every third one waits for this."""
 LEAST_VARIANCE_S = 0.1
 """Beyond the round trip itself: a busy computer, and a vehicle that answers in its own rhythm."""
-FAR_S = 1.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +33,6 @@ class RoundTrip:
     least_s: float = 0.25
     mean_s: float | None = None
     varies_s: float = 0.0
-
-    @property
-    def is_far(self) -> bool:
-        """Whether nothing but round trips counts: a mesh, where everybody has a turn of its own."""
-        return self.mean_s is not None and self.mean_s >= FAR_S
 
     @property
     def usual_s(self) -> float:
@@ -121,11 +115,6 @@ class DialogueMachine(ABC):
 
     is_transfer: ClassVar[bool] = False
     """Whether it is long, so that it takes turns with those of other vehicles on the same radio."""
-
-    @property
-    def is_all_sent(self) -> bool:
-        """Whether everything was sent, so that another vehicle's transfer may begin."""
-        return False
 
     @property
     def accepted(self) -> bool:

@@ -7,10 +7,7 @@ shortened by that.
 
 A file without its header is dropped when it is closed, by us or, after the link was lost, by the next station that
 opens one. So the header goes last, when everything else is acknowledged, and zeros stand in its place until then: the
-memory of the file may still hold the header of an earlier one. Over a link that has lost something the close waits for
-the header's acknowledgement: a close without a header costs the whole file once more.
-
-A write whose answer is passed by that of a later one was lost, or its answer was: it goes out again at once.
+memory of the file may still hold the header of an earlier one.
 
 That the close is acknowledged does not say that the file was taken. The checksum of what is on board then does, and the
 home position, which is the vehicle's own, is asked for beside it.
@@ -40,18 +37,14 @@ MAGIC, KEEP_THE_REST = 0x763D, 1
 ITEM = struct.Struct("<4fiifHHBBBBBB")
 """MISSION_ITEM_INT as it is on the wire."""
 CHECKSUM = struct.Struct("<I")
-ITEMS_IN_ONE, ITEMS_FROM_FAR = 2, 5
-"""The frame of two items fits a radio's packet of 118 bytes; that of five, of 217 bytes, goes over a link that is slow
-to answer and loses nothing."""
-MOST_AT_ONCE, LOSSY_AT_ONCE = 4, 3
-"""It keeps five questions, and drops what comes then (GCS_FTP.cpp). Where something got lost heartbeats wait behind as
-little as keeps the radio busy beside another transfer."""
+ITEMS_IN_ONE = 2
+"""The frame of two items fits a radio's packet of 118 bytes."""
+MOST_AT_ONCE = 4
+"""It keeps five questions, and drops what comes then (GCS_FTP.cpp)."""
 OPEN_REPEATS = 4
 MOST_RESTARTS = 3
 SILENT_S = 8.0
 MOST_WAIT_S = 2.0
-CLOSING_STEPS = 2
-"""The header, and the close with what proves it."""
 FAILED = 1
 """MAVFTP's error of an autopilot that has a file open already."""
 
@@ -100,11 +93,9 @@ class MissionFileUpload(DialogueMachine):
     is_open: bool = False
     """Whether the vehicle has opened the file."""
     is_begun: bool = False
-    """Whether the header was sent: the new mission may be on board."""
+    """Whether the whole file was closed: the new mission may be on board."""
     is_doubtful: bool = False
     """Whether the header came too late, for the first time or again: only the checksum tells."""
-    is_lossy: bool = False
-    """Whether something got lost on the way."""
     restarts: int = 0
     """How often the file was opened anew."""
     checksum: int | None = None
@@ -123,7 +114,7 @@ class MissionFileUpload(DialogueMachine):
 
     def begin(self, now_s: float) -> tuple[Self, Sent]:
         """Open the file."""
-        return _ask(replace(self, heard_s=now_s, steps=_list_steps(self)), now_s)
+        return _ask(replace(self, heard_s=now_s, steps=_list_steps(self.items, self.first)), now_s)
 
     def move(self, now_s: float) -> tuple[Self, Sent]:
         """Ask again over another link for all that is under way: to ArduPilot the session is the same."""
@@ -161,9 +152,7 @@ class MissionFileUpload(DialogueMachine):
             state = replace(state, steps=((*self.steps[0], _CHECK),))  # the first may have been answered before it
         elif isinstance(message, messages.FileReply) and len(message.data) == CHECKSUM.size:
             state = replace(state, checksum=CHECKSUM.unpack(message.data)[0])
-        if asked.again or closes:
-            return _ask(state, now_s)
-        return _repeat_passed(state, asked, self.under_way[: self.under_way.index(asked)], now_s)
+        return _ask(state, now_s)
 
     def _expire(self, now_s: float) -> tuple[Self, Sent]:
         if now_s >= self.heard_s + SILENT_S - SAME_S or (not self.is_open and self.tries >= OPEN_REPEATS):
@@ -171,7 +160,7 @@ class MissionFileUpload(DialogueMachine):
         due_s = now_s - self.round_trip.waits_s + SAME_S
         again = tuple(replace(one, at_s=now_s, again=True) if one.at_s <= due_s else one for one in self.under_way)
         trip = self.round_trip.record_timeout()
-        state = replace(self, under_way=again, round_trip=trip, tries=self.tries + 1, is_lossy=True)
+        state = replace(self, under_way=again, round_trip=trip, tries=self.tries + 1)
         return _wait(state), tuple(one.request for one in again if one.at_s == now_s)
 
     def refuse(self, error: int) -> Self:
@@ -214,23 +203,20 @@ def pack_items(items: Iterable[MissionItem]) -> bytes:
     )  # fmt: skip
 
 
-def _list_steps(state: F) -> tuple[Step, ...]:
-    items, first = state.items, state.first
-    far = state.round_trip.is_far and not state.is_lossy
-    data, size = pack_items(items[first:]), (ITEMS_FROM_FAR if far else ITEMS_IN_ONE) * ITEM.size
+def _list_steps(items: tuple[MissionItem, ...], first: int) -> tuple[Step, ...]:
+    data, size = pack_items(items[first:]), ITEMS_IN_ONE * ITEM.size
     parts = (_write(HEADER.size + at, data[at : at + size]) for at in range(0, len(data), size))
     header = HEADER.pack(MAGIC, MissionKind.MISSION, KEEP_THE_REST, first, len(items) - first)
     return (
         (messages.FileRequest(SESSION, FileOperation.OPEN_TO_WRITE, data=NAME), _write(0, _NO_HEADER), *parts),
-        (_write(0, header),),
-        (_CLOSE, _CHECK, messages.MissionRequest(0)),
+        (_write(0, header), _CLOSE, _CHECK, messages.MissionRequest(0)),
     )
 
 
 def _restart(state: F, now_s: float, before: tuple[Step, ...] = ()) -> tuple[F, Sent]:
     """Open the file anew, after what has to come before that."""
     state = replace(
-        state, steps=(*before, *_list_steps(state)), restarts=state.restarts + 1, under_way=(),
+        state, steps=(*before, *_list_steps(state.items, state.first)), restarts=state.restarts + 1, under_way=(),
         is_open=False, is_doubtful=False, heard_s=now_s, tries=0,
     )  # fmt: skip
     return _ask(state, now_s)
@@ -238,10 +224,6 @@ def _restart(state: F, now_s: float, before: tuple[Step, ...] = ()) -> tuple[F, 
 
 def _is_opening(asked: _Asked) -> bool:
     return isinstance(asked.request, messages.FileRequest) and asked.request.operation == FileOperation.OPEN_TO_WRITE
-
-
-def _is_write(request: Request) -> bool:
-    return isinstance(request, messages.FileRequest) and request.operation == FileOperation.WRITE
 
 
 def _is_answer(message: messages.Message, request: Request) -> bool:
@@ -265,33 +247,23 @@ def _list_checksums(stored: Sequence[MissionItem]) -> Iterator[int]:
         yield ~zlib.crc32(data, 0xFFFFFFFF) & 0xFFFFFFFF
 
 
-def _repeat_passed(state: F, asked: _Asked, before: tuple[_Asked, ...], now_s: float) -> tuple[F, Sent]:
-    """Write again what was written before a request that is answered, and go on."""
-    lost = [one for one in before if _is_write(one.request) and (not one.again or one.at_s < asked.at_s)]
-    under_way = tuple(replace(one, at_s=now_s, again=True) if one in lost else one for one in state.under_way)
-    state, sent = _ask(replace(state, under_way=under_way, is_lossy=state.is_lossy or bool(lost)), now_s)
-    return state, (*(one.request for one in lost), *sent)
-
-
 def _ask(state: F, now_s: float) -> tuple[F, Sent]:
     """Ask what there is room for; finish where all is answered."""
     steps = state.steps
     if not steps[0] and not state.under_way:
         steps = steps[1:]
-        if len(steps) == CLOSING_STEPS and not state.is_lossy:
-            steps = ((*steps[0], *steps[1]),)
     if not steps and state.is_doubtful and state.restarts < MOST_RESTARTS and not state.is_proven:
         return _restart(state, now_s)
     if not steps:
         return replace(state, outcome=Accepted(), deadline_s=float("inf")), ()
-    room = max(0, (LOSSY_AT_ONCE if state.is_lossy else MOST_AT_ONCE) - len(state.under_way))
+    room = MOST_AT_ONCE - len(state.under_way)
     sent = tuple(_give_number(request, state.number + n) for n, request in enumerate(steps[0][:room]))
     state = replace(
         state,
         steps=(steps[0][len(sent) :], *steps[1:]),
         number=state.number + len(sent) & 0xFFFF,
         under_way=(*state.under_way, *(_Asked(request, now_s) for request in sent)),
-        is_begun=state.is_begun or (state.is_open and len(steps) <= CLOSING_STEPS),
+        is_begun=state.is_begun or (state.is_open and _CLOSE in steps[0]),
     )
     return _wait(state), sent
 

@@ -4,9 +4,8 @@ In an upload the vehicle drives: it asks for each item, and asks again for what 
 repeat only MISSION_COUNT, and never after it, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp).
 From then on items go out ahead of the requests, as many as the link takes: both autopilots take an item that comes in
 its turn, asked for or not (MissionItemProtocol.cpp, mavlink_mission.cpp), so that a mission costs a few round trips and
-not one for each item. What comes out of turn ArduPilot answers with a warning, and PX4 passes over: what was sent
-behind a lost item is sent again with it. The last item is repeated when the final acknowledgement stays away: PX4
-acknowledges it again, and ArduPilot calls it an error.
+not one for each item. What comes out of turn ArduPilot answers with a warning, and PX4 passes over. The last item is
+repeated when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot calls it an error.
 
 PX4 asks again every 0.25 s, whatever the link. What it asked before our answer can have reached it is not answered
 twice: over a radio that is slower than that, every item would go out many times over, and feed the jam that it is in.
@@ -49,16 +48,9 @@ Sent = tuple[messages.Outgoing, ...]
 LEAST_PERIOD_S = 0.25
 """An item is not repeated sooner without having been asked for: the vehicle, or this computer, may be busy."""
 LAST_ITEM_PERIOD_S = 1.0
-MOST_AHEAD = 24
-"""Items under way: with signatures four fifths of what the buffer of a telemetry radio holds, 1,850 bytes."""
-MOST_QUESTIONS = 16
-"""Half of that: streams come down beside the answers."""
+MOST_AHEAD = 16
+"""Items under way, or questions: half of what the buffer of a telemetry radio holds."""
 FIRST_AHEAD = 8
-AGAIN_AHEAD, AGAIN_FAR, GROWTH = 4, 9, 0.5
-"""From an item on that got lost so many go out, over a far link more, and so many more with every answer from then on:
-where one is lost others will be, and what is behind them has to be sent again."""
-LOSSY_AHEAD, LOSSY_FAR = 6, 16
-"""The same for all items under way where a radio destroys frames: heartbeats wait behind those of two transfers."""
 AHEAD_TRIP_S = 0.03
 """A link that answers sooner needs none of that."""
 
@@ -110,10 +102,8 @@ class UploadDialogue(DialogueMachine):
     """In the order of their items."""
     ahead: int = MOST_AHEAD
     """How many may be under way at most."""
-    room: float = FIRST_AHEAD
+    room: int = FIRST_AHEAD
     """How many may be now."""
-    is_lossy: bool = False
-    """Whether an item got lost."""
     highest: int = -1
     """The highest item that was ever sent."""
     repeats: int = 0
@@ -190,7 +180,7 @@ class UploadDialogue(DialogueMachine):
         if silent:
             return self._finish(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
         trip, repeats = self.round_trip.record_timeout(), self.repeats + 1
-        state = replace(self, round_trip=trip, room=max(1.0, self.room / 2), repeats=repeats)
+        state = replace(self, round_trip=trip, room=max(1, self.room // 2), repeats=repeats)
         # Who has everything asks for nothing more: the last item brings its acknowledgement again. Who has not, and is
         # not heard, waits for what it asked for: the two by turns.
         last = self.is_all_sent and repeats % 2 == 1
@@ -208,7 +198,7 @@ class UploadDialogue(DialogueMachine):
         if seq < self.furthest:  # a late double, or a vehicle that has begun anew
             if self.under_way and now_s - self.under_way[0].at_s < self.usual_s:
                 return _wait_for_answer(state, now_s), ()
-            return _send_items(replace(state, furthest=seq), (), seq, now_s, int(self.room))
+            return _send_items(replace(state, furthest=seq), (), seq, now_s, self.room)
         come = [one for one in self.under_way if one.seq < seq]  # it has all that stands before what it asks for
         left = tuple(one for one in self.under_way if one.seq >= seq)
         trip = self.round_trip
@@ -216,9 +206,9 @@ class UploadDialogue(DialogueMachine):
             trip = _record_answer(trip, come[-1], now_s)
         elif not self._is_asked and self.counts_sent == 1:
             trip = trip.record_round_trip(now_s - self.counted_s)
-        room = min(self.ahead, self.room + (GROWTH if self.is_lossy else 1.0) * len(come))
+        room = min(self.ahead, self.room + len(come))
         state = replace(state, furthest=seq, round_trip=trip, room=room)
-        return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, int(room) - len(left))
+        return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, room - len(left))
 
     @property
     def usual_s(self) -> float:
@@ -252,9 +242,7 @@ def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     first = state.under_way[0] if state.under_way else None
     if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
         return _wait_for_answer(state, now_s), ()
-    again = AGAIN_FAR if state.round_trip.is_far else AGAIN_AHEAD
-    state = replace(state, room=min(state.room, again), is_lossy=True)
-    return _send_items(state, (), state.furthest, now_s, int(state.room))
+    return _send_items(replace(state, room=max(1, state.room // 2)), (), state.furthest, now_s, 1)
 
 
 def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, most: int) -> tuple[U, Sent]:
@@ -380,14 +368,13 @@ class DownloadDialogue(DialogueMachine):
         items, later = list(self.items), {one.seq: one for one in (*self.later, item)}
         while (seq := self.first + len(items)) in later:
             items.append(later.pop(seq))
-        # Answers come in the order of the questions: what was asked before this one got lost.
-        at = self.under_way.index(asked)
-        passed, left = (() if again else self.under_way[:at]), self.under_way[0 if again else at :]
-        state = replace(
-            self, items=tuple(items), later=tuple(later.values()), round_trip=trip,
-            under_way=tuple(one for one in left if one is not asked), room=min(self.room + 1, MOST_QUESTIONS),
+        left, room = tuple(one for one in self.under_way if one is not asked), min(self.room + 1, MOST_AHEAD)
+        return _go_on(
+            replace(
+                self, items=tuple(items), later=tuple(later.values()), round_trip=trip, under_way=left, room=room
+            ),
+            now_s,
         )  # fmt: skip
-        return _go_on(state, now_s, passed)
 
     def _expire(self, now_s: float) -> tuple[Self, Sent]:
         """Ask again, for the list where the vehicle has ended the transfer; or give up."""
@@ -407,7 +394,8 @@ class DownloadDialogue(DialogueMachine):
             return _ask_count(state, now_s)
         late = tuple(one for one in state.under_way if one.at_s <= now_s - waited_s + SAME_S) or state.under_way[:1]
         kept = tuple(one for one in state.under_way if one not in late)
-        return _ask_items(replace(state, under_way=kept, room=max(1, state.room // 2)), now_s, late)
+        again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in late)
+        return _ask_items(replace(state, under_way=(*kept, *again), room=max(1, state.room // 2)), now_s, again)
 
     def _build_farewell(self) -> Sent:
         return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
@@ -419,13 +407,13 @@ class DownloadDialogue(DialogueMachine):
         return f"item {self.first + len(self.items)} of {self.count}"
 
 
-def _go_on(state: D, now_s: float, lost: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
+def _go_on(state: D, now_s: float) -> tuple[D, Sent]:
     """Ask for what comes after an answer, or say that all has come."""
     state = replace(state, heard_s=now_s, tries=0, refusal=None, broke_off_at="")
     if state.proven or state.first + len(state.items) >= (state.count or 0):
         done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
         return done, (messages.MissionAck(0, state.kind),)
-    return _ask_items(state, now_s, lost)
+    return _ask_items(state, now_s)
 
 
 def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
@@ -434,10 +422,8 @@ def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
     return state, (messages.MissionRequestList(state.kind),)
 
 
-def _ask_items(state: D, now_s: float, lost: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
-    """Ask again for what got lost, and for as many more items as there is room for."""
-    again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in lost)
-    state = replace(state, under_way=(*state.under_way, *again))
+def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
+    """Ask again for what is late, and for as many more items as there is room for."""
     have = {one.seq for one in state.under_way} | {item.seq for item in state.later}
     fresh = (
         _UnderWay(seq, now_s) for seq in range(state.first + len(state.items), state.count or 0) if seq not in have

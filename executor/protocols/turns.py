@@ -1,8 +1,7 @@
 """Whose transfer is next on a channel that several vehicles share: one at a time, who needs it first goes first.
 
 Side by side they would take the channel from each other, and all be late. One that does not come on keeps nobody
-waiting: its vehicle may be out of reach. Neither does one that has sent everything and waits for the answers. Where the
-radio destroys frames there are two: while one of them waits for what got lost the other one goes on.
+waiting: its vehicle may be out of reach.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from executor.core.radio_budget import FULL_PCT
 
 STALLED_S = 2.0
 """A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
-AT_ONCE_LOSSY = 2
 REPORT_S = 2.5
 """A radio reports once a second; an older report says nothing."""
 HOLD_S = 0.25
@@ -45,9 +43,7 @@ class Turn:
     """In the order in which they came."""
 
 
-def is_next(
-    turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float, at_once: int = 1
-) -> bool:
+def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float) -> bool:
     """Return whether a transfer may begin.
 
     Args:
@@ -55,9 +51,8 @@ def is_next(
         waiting: All that wait, this one among them.
         progressed_s: When each that is under way came on last.
         now_s: The time.
-        at_once: How many may be under way.
     """
-    return turn == min(waiting) and sum(now_s - at_s < STALLED_S for at_s in progressed_s) < at_once
+    return turn == min(waiting) and all(now_s - at_s >= STALLED_S for at_s in progressed_s)
 
 
 def find_wait_s(progressed_s: Iterable[float], now_s: float) -> float:

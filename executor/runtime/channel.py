@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 from executor.core.interface.messages import Radio
 from executor.core.interface.ports import Link
 from executor.protocols.machine import RoundTrip
-from executor.protocols.turns import AT_ONCE_LOSSY, Rank, Turn, find_wait_s, is_buffer_full, is_next
+from executor.protocols.turns import Rank, Turn, find_wait_s, is_buffer_full, is_next
 
 MOST_CHANNELS = 200
 """That are remembered: a connection that breaks is another one after it."""
@@ -33,11 +33,9 @@ class Channel:
     radio: Radio | None = None
     radio_s: float = float("-inf")
     under_way: dict[Turn, float] = field(default_factory=dict)
-    """Transfers, and when each came on last by the loop's clock; minus infinity for one that has sent everything."""
+    """Transfers, and when each came on last by the loop's clock."""
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
-    is_lossy: bool = False
-    """Whether many frames get lost on a radio that has room for them."""
     sent_s: float = float("-inf")
     """When a dialogue said something, by the loop's clock."""
     _numbers: count[int] = field(default_factory=count)
@@ -75,14 +73,11 @@ class Channel:
         """Return whether no dialogue has said anything for so long."""
         return asyncio.get_running_loop().time() - self.sent_s >= for_real_s
 
-    def note_progress(self, *, all_sent: bool) -> None:
-        """Note that the transfer of this task has come on; while the rest is answered another one may begin."""
+    def note_progress(self) -> None:
+        """Note that the transfer of this task has come on."""
         turn = _TURN.get()
         if turn in self.under_way:
-            before_s = self.under_way[turn]
-            self.under_way[turn] = -math.inf if all_sent else asyncio.get_running_loop().time()
-            if all_sent and before_s > -math.inf:
-                self._tell()
+            self.under_way[turn] = asyncio.get_running_loop().time()
 
     @asynccontextmanager
     async def take_turn(self, rank: Rank, needed_s: float = math.inf) -> AsyncIterator[bool]:
@@ -95,9 +90,7 @@ class Channel:
         turn, waited, now_s = Turn(rank, needed_s, next(self._numbers)), False, asyncio.get_running_loop().time
         self.waiting.add(turn)
         try:
-            while not is_next(
-                turn, self.waiting, self.under_way.values(), now_s(), AT_ONCE_LOSSY if self.is_lossy else 1
-            ):
+            while not is_next(turn, self.waiting, self.under_way.values(), now_s()):
                 waited = True
                 await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s())))
         finally:

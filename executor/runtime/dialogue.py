@@ -307,7 +307,7 @@ async def _run_on_one_link(
                     machine, send = patience.pass_deadline(machine, full=channel.is_full(paced.now_s()))
                 elif machine is not before:
                     patience.begin()
-                    channel.note_progress(all_sent=machine.is_all_sent)
+                    channel.note_progress()
         except asyncio.CancelledError:
             _send_all(link, machine.cancel()[1])
             raise

@@ -481,8 +481,6 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
         for beats in itertools.count():
             ways = [(name, way) for name, link in links.items() for way in link.ways]
             once = {way.peer or number: (name, way) for number, (name, way) in enumerate(ways)}
-            for _, way in once.values():
-                channel_of(way).is_lossy = losses.are_many
             if loop.time() < due_s - LEAST_TICK_REAL_S:
                 _fill(once.values(), clock)
             else:

@@ -18,14 +18,7 @@ from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import (
-    LOSSY_AHEAD,
-    LOSSY_FAR,
-    MOST_AHEAD,
-    MOST_QUESTIONS,
-    DownloadDialogue,
-    UploadDialogue,
-)
+from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -174,8 +167,7 @@ async def _upload_as_needed(
     """Upload once: the new part alone, as a file, to a vehicle that takes it so; everything else item by item."""
     if dialect.takes_mission_file and need.alike > 0 and need.on_board <= len(items):
         first, number = min(need.alike, len(items) - 1), next(_FILE_NUMBERS) & 0xFFFF
-        lossy = channel_of(link).is_lossy
-        file = await dialogue.run_dialogue(MissionFileUpload(items, first, number, is_lossy=lossy), link, clock)
+        file = await dialogue.run_dialogue(MissionFileUpload(items, first, number), link, clock)
         if file.is_open:
             return file
     return await upload_once(link, clock, dialect, items, kind)
@@ -195,7 +187,7 @@ async def _prove_on_board(
         return ProcedureResult(accepted=True)
     if not upload.accepted and items and not upload.is_all_sent:
         return None
-    reading = DownloadDialogue(upload.kind, ahead=MOST_QUESTIONS if dialect.reads_in_any_order else 1)
+    reading = DownloadDialogue(upload.kind, ahead=MOST_AHEAD if dialect.reads_in_any_order else 1)
     if len(items) * (trip.mean_s or 0.0) > READ_WORTH_S:
         known = compute_list_checksum(items) if dialect.says_checksum and items else None
         if known is not None and upload.accepted and upload.checksum == known:
@@ -311,11 +303,8 @@ async def upload_once(
     kind: MissionKind = MissionKind.MISSION,
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
-    silence_s, channel = dialect.upload_silence_s + SILENCE_MARGIN_S, channel_of(link)
-    lossy = LOSSY_FAR if channel.round_trip.is_far else LOSSY_AHEAD
-    ahead = lossy if channel.is_lossy else MOST_AHEAD
-    upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind, ahead=ahead)
-    return await dialogue.run_dialogue(upload, link, clock)
+    silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
+    return await dialogue.run_dialogue(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
 
 
 async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:

@@ -17,7 +17,7 @@ from executor.core.interface.ports import Link, LinkRequest
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import Accepted
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import MOST_QUESTIONS, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
 from missions import (
@@ -78,7 +78,7 @@ async def _transfer(autopilot: Autopilot, port: int, radio: RadioRelay) -> None:
             _look(upload, dialect)
             assert took_s < 0.7 * len(items) * (upload.round_trip.mean_s or 0.0), "not one round trip for each"
             began_s = time.monotonic()
-            ahead = MOST_QUESTIONS if dialect.reads_in_any_order else 1
+            ahead = MOST_AHEAD if dialect.reads_in_any_order else 1
             read = await run_dialogue(DownloadDialogue(ahead=ahead), link, clock)
             print(f"{autopilot.name}: read in {time.monotonic() - began_s:.1f} s")
             assert read.accepted
@@ -102,7 +102,7 @@ async def _replace_part(link: Link, clock: SystemClock, dialect: Dialect, items:
     took_s = time.monotonic() - began_s
     print(f"{dialect.name}: the last {len(newer) - first} of {len(newer)} items as a file in {took_s:.1f} s")
     assert (upload.outcome, upload.is_proven) == (Accepted(), True)
-    read = await run_dialogue(DownloadDialogue(ahead=MOST_QUESTIONS), link, clock)
+    read = await run_dialogue(DownloadDialogue(ahead=MOST_AHEAD), link, clock)
     assert find_mission_differences(newer, read.items, dialect) == ()
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.messages import FileRequest, Message, MissionRequest, Outgoing
-from executor.protocols.machine import Aborted, Accepted, Rejected, RoundTrip, TimedOut
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from executor.protocols.mission_file import MOST_AT_ONCE, SESSION, FileOperation, MissionFileUpload
 from missions import ARDUPILOT, Command, Frame, MissionItem
 from tests.fakes.vehicle import FakeMissions
@@ -101,48 +101,6 @@ def test_the_header_waits_for_all_else() -> None:
         for one in answers:
             upload, more = upload.on_message(one, 100.0)
             sent += more
-
-
-def talk_until(upload: MissionFileUpload, board: FakeMissions, dropped: set[int]) -> list[list[FileRequest]]:
-    """Let the two talk in rounds of a second; requests of these numbers get lost once. Returns what each round sent."""
-    (upload, sent), now_s, rounds = upload.begin(100.0), 100.0, []
-    while upload.outcome is None:
-        files = [one for one in sent if isinstance(one, FileRequest)]
-        rounds.append(files)
-        lost = [one for one in files if one.number in dropped]
-        dropped -= {one.number for one in lost}
-        answers = [answer for one in sent if one not in lost for answer in board.hear(one, now_s)]
-        now_s += 1.0
-        sent = ()
-        for one in answers:
-            upload, more = upload.on_message(one, now_s)
-            sent += more
-        if not answers:
-            now_s = upload.deadline_s
-            upload, sent = upload.on_deadline(now_s)
-    assert upload.is_proven
-    return rounds
-
-
-def test_a_write_whose_answer_is_passed_by_another_goes_out_again_at_once() -> None:
-    rounds = talk_until(MissionFileUpload(NEW, 3, 0, is_lossy=True), vehicle(), {1})
-    assert [one.number for one in rounds[0]] == [0, 1, 2]
-    assert rounds[0][1] in rounds[1]
-
-
-@pytest.mark.parametrize(("lossy", "together"), [(False, True), (True, False)])
-def test_where_frames_get_lost_the_close_waits_for_the_header(lossy: bool, together: bool) -> None:
-    rounds = talk_until(MissionFileUpload(NEW, 3, 0, is_lossy=lossy), vehicle(), set())
-    [closing] = [one for one in rounds if any(request.operation == FileOperation.CLOSE for request in one)]
-    assert any(request.operation == FileOperation.WRITE for request in closing) is together
-
-
-def test_over_a_link_that_is_slow_to_answer_more_goes_into_one_write() -> None:
-    def most(lossy: bool, trip_s: float) -> int:
-        upload = replace(MissionFileUpload(NEW, 3, 0, is_lossy=lossy), round_trip=RoundTrip(mean_s=trip_s))
-        return max(len(request.data) for one in talk_until(upload, vehicle(), set()) for request in one)
-
-    assert (most(False, 0.5), most(False, 1.5), most(True, 1.5)) == (2 * 38, 5 * 38, 2 * 38)
 
 
 def test_an_autopilot_without_mission_files_says_so_at_once() -> None:

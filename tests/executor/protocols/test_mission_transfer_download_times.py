@@ -43,18 +43,6 @@ def test_a_question_is_asked_again_when_the_link_would_have_answered_it() -> Non
     assert state.deadline_s == pytest.approx(105.7), "which of them was answered nobody knows"
 
 
-def test_a_question_whose_answer_is_passed_by_another_is_asked_again_at_once() -> None:
-    state, _ = DownloadDialogue(ahead=3).begin(100.0)
-    state, sent = state.on_message(MissionCount(3), 100.4)
-    assert sent == tuple(map(MissionRequest, range(3)))
-    state, sent = state.on_message(MissionItemInt(ITEMS[1]), 100.8)
-    assert sent == (MissionRequest(0),)
-    state, sent = state.on_message(MissionItemInt(ITEMS[2]), 100.9)
-    assert sent == (), "it was asked again behind that one"
-    state, _ = state.on_message(MissionItemInt(ITEMS[0]), 101.2)
-    assert (state.accepted, state.items) == (True, ITEMS)
-
-
 def test_a_fast_link_is_asked_again_soon() -> None:
     state, _ = DownloadDialogue().begin(100.0)
     state, _ = state.on_message(MissionCount(3), 100.01)

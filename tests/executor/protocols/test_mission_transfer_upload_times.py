@@ -107,21 +107,3 @@ def test_which_acknowledgement_ends_an_upload() -> None:
     last, _ = first.on_message(MissionRequest(2), 100.4)
     assert last.on_message(MissionAck(0), 100.5)[0].outcome == Accepted()
     assert last.on_message(MissionAck(1), 100.5)[0].outcome is not None
-
-
-def test_behind_a_lost_item_fewer_go_out_and_their_number_grows_more_slowly() -> None:
-    many = tuple(MissionItem(seq, 3, 16, x=seq) for seq in range(60))
-    state, sent = UploadDialogue(many, SILENCE_S, frozenset()).begin(100.0)
-    now_s, lots, lost = 100.0, list[int](), False
-    for _ in range(7):
-        now_s += 0.7
-        asked = [MissionRequest(state.furthest + 1 + n) for n in range(len(state.under_way) or 1)]
-        if state.furthest > 20 and not lost:
-            lost, asked = True, [MissionRequest(state.furthest)]
-            now_s += 1.0
-        sent = ()
-        for one in asked:
-            state, more = state.on_message(one, now_s)
-            sent += more
-        lots.append(len(sent))
-    assert lots == [8, 16, 24, 4, 6, 9, 13], "twice as many every time, and half as many more once one got lost"

@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import FULL_PCT
-from executor.protocols.turns import AT_ONCE_LOSSY, STALLED_S, Rank, Turn, find_wait_s, is_buffer_full, is_next
+from executor.protocols.turns import STALLED_S, Rank, Turn, find_wait_s, is_buffer_full, is_next
 
 SOON, LATER = Turn(Rank.IN_FLIGHT, 12.0, 3), Turn(Rank.IN_FLIGHT, 40.0, 1)
 PARAMETERS, READING = Turn(Rank.BEFORE_FLIGHT, math.inf, 0), Turn(Rank.BESIDE, math.inf, 2)
@@ -25,12 +25,6 @@ def test_one_transfer_at_a_time_unless_it_does_not_come_on() -> None:
     assert not is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S - 0.1)
     assert is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S)
     assert not is_next(SOON, [SOON], [100.0, 101.0], 100.0 + STALLED_S)
-    assert is_next(SOON, [SOON], [-math.inf], 100.0), "it has sent everything"
-
-
-def test_where_frames_are_destroyed_there_are_two_transfers() -> None:
-    assert is_next(SOON, [SOON], [100.0], 100.5, AT_ONCE_LOSSY)
-    assert not is_next(SOON, [SOON], [100.0, 100.2], 100.5, AT_ONCE_LOSSY)
 
 
 def test_it_is_looked_again_when_the_last_one_may_have_stalled() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from executor.core.interface.messages import (
     Message,
-    MissionCount,
     MissionItemInt,
     MissionRequest,
     MissionRequestList,
@@ -68,22 +67,6 @@ async def test_one_upload_at_a_time_and_who_needs_it_first_goes_first(dialect: D
     assert all(board.missing == () for board in boards)
     (_, first), (second, last), (third, fourth) = map(items_s, boards)
     assert first < third < fourth < second < last, "the first one had begun when the others came"
-
-
-async def test_the_next_upload_is_announced_while_the_last_answers_are_on_their_way() -> None:
-    one, other = behind_one_radio(2, PX4)
-    assert all(await asyncio.gather(put(one, 5.0), put(other, 30.0)))
-    [announced_s] = [at_s for at_s, _ in other.link.of_kind(MissionCount)]
-    _, last_s = items_s(one)
-    assert last_s <= announced_s < last_s + 0.39, "not after the acknowledgement"
-
-
-async def test_behind_a_radio_that_destroys_frames_two_go_side_by_side() -> None:
-    boards = behind_one_radio(3, PX4)
-    channel_of(boards[0].link).is_lossy = True
-    assert all(await asyncio.gather(*(put(one, 5.0 + number) for number, one in enumerate(boards))))
-    (first_s, _), (second_s, _), (third_s, _) = map(items_s, boards)
-    assert first_s == second_s < third_s
 
 
 async def test_without_a_radio_they_go_side_by_side() -> None:
