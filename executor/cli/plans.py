@@ -274,14 +274,16 @@ def replan(
             if plan_inputs.is_option_given(asked, name):
                 raise SiteError(f"--{name}: expected none for a plan of days")
         content, is_feasible = preview_day_loss(known, lost, at, seed=seed)
+    else:
+        content, is_feasible = site_planning.preview_loss(known, lost, at, cost=cost, seconds=seconds, seed=seed)
+    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, content))
+    if isinstance(content, missions.DayPlanFile):
         days = content
         plan_inputs.print_result(
             lambda: plan_inputs.build_day_document(days, [], [], None), plan_summary.describe_day(days), as_json=as_json
         )
     else:
-        content, is_feasible = site_planning.preview_loss(known, lost, at, cost=cost, seconds=seconds, seed=seed)
         _print_plan(content, as_json=as_json)
-    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, content))
     if not is_feasible:
         raise typer.Exit(ANSWER_IS_NO)
 
