@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -25,6 +26,8 @@ TOGETHER_S = 2.0
 """A terminal that closes is told of several times, by the system and by its shell; within this it counts once."""
 ENDS_S = 1.0
 """Real seconds that a process may take to end, each time that it is told more firmly."""
+PROGRAM_ENDS_S = 10.0
+"""Real seconds that a program of its own may take: it has a flight, or a fleet, to leave in order."""
 
 
 @contextmanager
@@ -124,6 +127,16 @@ def end_children() -> None:
     import multiprocessing
 
     end_processes(multiprocessing.active_children(), patience_s=0.0)
+
+
+def end_program(process: subprocess.Popen[bytes]) -> None:
+    """End a program that was started beside this one, and kill it if it does not."""
+    process.terminate()
+    try:
+        process.wait(PROGRAM_ENDS_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def end_processes(processes: Collection[BaseProcess], *, patience_s: float = ENDS_S) -> int:

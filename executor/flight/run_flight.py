@@ -6,7 +6,7 @@ import asyncio
 import gc
 import signal
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
-from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -81,11 +81,10 @@ class Interrupts:
             before = signal.getsignal(number)
             if before is signal.SIG_IGN and number in ENDS:
                 continue  # as nohup has it
-            with suppress(NotImplementedError):
-                self._loop.add_signal_handler(
-                    number, self._on_interrupt if number == signal.SIGINT else self._on_signal, number
-                )
-                self._before[number] = before
+            self._loop.add_signal_handler(
+                number, self._on_interrupt if number == signal.SIGINT else self._on_signal, number
+            )
+            self._before[number] = before
         return self
 
     def __exit__(self, *_: object) -> None:

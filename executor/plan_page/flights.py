@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from executor.adapters.interrupts import end_program
 from executor.adapters.run_directory import RunDirectory, hold_lock, name_run
 from executor.analysis.documents import FlightReport, read_report
 from executor.core.formatting import command_line
@@ -20,8 +21,6 @@ from executor.errors import LogError, SiteError
 RUNS = "runs"
 STARTS_S = 90.0
 """Real seconds for a flight's page to be there: its process loads the planner first."""
-ENDS_S = 10.0
-"""Real seconds that it may take to end."""
 LOOK_S = 0.2
 MOST_FLIGHTS = 100
 
@@ -64,18 +63,8 @@ async def start_flight(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
             raise SiteError(f"the flight has not begun: {last}")
         await asyncio.sleep(LOOK_S)
     # Nobody knows of it: it would hold the ports, and ask on a page that nobody sees. Nothing was confirmed yet.
-    await asyncio.to_thread(end_process, flight)
+    await asyncio.to_thread(end_program, flight)
     raise SiteError(f"the flight's page was not there after {STARTS_S:g} s, it was ended; see {log}")
-
-
-def end_process(process: subprocess.Popen[bytes]) -> None:
-    """End a process as Ctrl-C would, and at once if it does not."""
-    process.terminate()
-    try:
-        process.wait(ENDS_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
 
 
 async def run_checklist(folder: Path, site: Path, plan: Path) -> dict[str, Any]:

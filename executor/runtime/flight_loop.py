@@ -523,14 +523,10 @@ class _Losses:
             self._counts.append(message)
 
     @property
-    def are_many(self) -> bool:
+    def want_fillers(self) -> bool:
         missing = sum(one.missing for one in self._counts)
         many = missing > MANY_LOST * sum(one.received + one.missing for one in self._counts)
-        return many and self._free_pct is not None
-
-    @property
-    def want_fillers(self) -> bool:
-        return self.are_many and self._free_pct is not None and self._free_pct >= EMPTY_PCT
+        return many and self._free_pct is not None and self._free_pct >= EMPTY_PCT
 
 
 def _shift_of(beats: int) -> float:

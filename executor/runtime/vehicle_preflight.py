@@ -91,7 +91,8 @@ class _VehicleAnswers:
     def _note_position(self, position: messages.Position) -> None:
         self.position = position
         told = ReportedPosition(self.clock.now_s(), position.boot_s, position.lat_deg, position.lon_deg)
-        self.twins = add_reported_position(self.twins, told, stands=True)
+        stands = self.heartbeat is not None and not self.heartbeat.armed  # a flight that is resumed asks in the air
+        self.twins = add_reported_position(self.twins, told, stands=stands)
         if self.twins.are_two:
             self.strangers = add_foreign_system(self.strangers, messages.DoubleHeard(0, ()))
 

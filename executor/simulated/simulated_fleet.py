@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from executor.adapters.interrupts import end_program
 from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, TICKS_PER_S
 from executor.adapters.run_directory import RunDirectory
 from executor.images import matching
@@ -217,8 +218,6 @@ OTHER_LOSS = "uav2:silent@40%"
 SIMULATED_CEILING_M = 1000.0
 LISTENING = range(14_551, 15_000)
 """Ports of vehicles that are planned for and never opened."""
-ENDS_S = 10.0
-"""Real seconds that the simulated fleet may take to end."""
 
 
 def build_demo_site(
@@ -313,9 +312,4 @@ def run_simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator
         try:
             yield
         finally:
-            process.terminate()
-            try:
-                process.wait(ENDS_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            end_program(process)

@@ -10,9 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
-from tests.peers.judging import PATIENCE_S, PLACE_DEG, Subject, Suite, wait
-
-NORTH_DEG = 0.001
+from tests.peers.judging import NORTH_DEG, PATIENCE_S, PLACE_DEG, Subject, Suite, wait
 
 
 @dataclass(frozen=True, slots=True)

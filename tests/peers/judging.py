@@ -28,6 +28,8 @@ READY_S = 90.0
 """Real seconds in which a real autopilot may be armed."""
 ASK_AGAIN_S = 0.1
 PLACE_DEG, PAD_ALT_M = HOME[:2], HOME[2]
+NORTH_DEG = 0.001
+"""A hundred metres."""
 REAL_SPEEDUP = 2.0
 
 

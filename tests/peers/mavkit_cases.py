@@ -10,9 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
-from tests.peers.judging import PLACE_DEG, Subject, Suite
-
-NORTH_DEG = 0.001
+from tests.peers.judging import NORTH_DEG, PLACE_DEG, Subject, Suite
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,8 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import common as mav
 
-from tests.peers.judging import ASK_AGAIN_S, PLACE_DEG, Subject, Suite
+from tests.peers.judging import ASK_AGAIN_S, NORTH_DEG, PLACE_DEG, Subject, Suite
 
-NORTH_DEG = 0.001
 FILES = "wp,fence,rally,param,ftp,mode,arm,cmdlong,misc"
 NOTE = "".join(f"line {number} of a note\n" for number in range(400))
 WP_HEAD = "QGC WPL 110"
@@ -155,53 +154,42 @@ def write_fence(folder: Path) -> None:
     write_items(folder / "fence.txt", *corners)
 
 
-async def load_fence(at: Console) -> None:
-    write_fence(at.subject.folder)
-    await at.ask("fence load fence.txt", "Loaded 4 fence items in")
-    await at.subject.until_stored(fence=4)
-
-
-async def save_fence(at: Console) -> None:
-    await load_fence(at)
-    await at.ask("fence save back.txt", "Saved 4 fence items to back.txt")
-    assert count_items(at.subject.folder / "back.txt") == 4
-
-
-async def clear_fence(at: Console) -> None:
-    await load_fence(at)
-    at.type("fence clear")
-    await at.ask("fence list", "Requesting 0 fence items")
-    await at.subject.until_stored(fence=0)
-
-
-async def enable_fence(at: Console) -> None:
-    await load_fence(at)
-    at.type("fence enable")
-    await at.wait_for("DO_FENCE_ENABLE: ACCEPTED")
-
-
 def write_rally(folder: Path) -> None:
     point = (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, mav.MAV_CMD_NAV_RALLY_POINT, 0.0)
     write_items(folder / "rally.txt", (*point, 1.0, 0.0), (*point, 0.0, 1.0))
 
 
-async def load_rally(at: Console) -> None:
-    write_rally(at.subject.folder)
-    await at.ask("rally load rally.txt", "Loaded 2 rally items in")
-    await at.subject.until_stored(rally=2)
+def list_stored_cases(
+    kind: str, write: Callable[[Path], None], count: int
+) -> dict[str, Callable[[Console], Awaitable[None]]]:
+    """Return what is tried alike with a fence and with rally points."""
+
+    async def load(at: Console) -> None:
+        write(at.subject.folder)
+        await at.ask(f"{kind} load {kind}.txt", f"Loaded {count} {kind} items in")
+        await at.subject.until_stored(**{kind: count})
+
+    async def save(at: Console) -> None:
+        await load(at)
+        await at.ask(f"{kind} save back.txt", f"Saved {count} {kind} items to back.txt")
+        assert count_items(at.subject.folder / "back.txt") == count
+
+    async def clear(at: Console) -> None:
+        await load(at)
+        at.type(f"{kind} clear")
+        await at.ask(f"{kind} list", f"Requesting 0 {kind} items")
+        await at.subject.until_stored(**{kind: 0})
+
+    return {"load": load, "save": save, "clear": clear}
 
 
-async def save_rally(at: Console) -> None:
-    await load_rally(at)
-    await at.ask("rally save back.txt", "Saved 2 rally items to back.txt")
-    assert count_items(at.subject.folder / "back.txt") == 2
+FENCE, RALLY = list_stored_cases("fence", write_fence, 4), list_stored_cases("rally", write_rally, 2)
 
 
-async def clear_rally(at: Console) -> None:
-    await load_rally(at)
-    at.type("rally clear")
-    await at.ask("rally list", "Requesting 0 rally items")
-    await at.subject.until_stored(rally=0)
+async def enable_fence(at: Console) -> None:
+    await FENCE["load"](at)
+    at.type("fence enable")
+    await at.wait_for("DO_FENCE_ENABLE: ACCEPTED")
 
 
 def name_parameter(at: Console) -> str:
@@ -348,8 +336,8 @@ CASES: Mapping[str, Mapping[str, Callable[[Console], Awaitable[None]]]] = {
         "load": load_mission, "save": save_mission, "list": list_mission, "clear": clear_mission,
         "set the waypoint": set_waypoint, "change a height": change_height,
     },
-    "fence": {"load": load_fence, "save": save_fence, "clear": clear_fence, "enable": enable_fence},
-    "rally": {"load": load_rally, "save": save_rally, "clear": clear_rally},
+    "fence": {**FENCE, "enable": enable_fence},
+    "rally": RALLY,
     "param": {
         "fetch": fetch_parameters, "show": show_parameter, "set": set_parameter, "save": save_parameters,
         "load": load_parameters,

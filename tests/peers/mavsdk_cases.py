@@ -30,11 +30,9 @@ from mavsdk.plugins.offboard import PositionNedYaw, VelocityNedYaw
 from pymavlink.dialects.v20 import common as mav
 
 from simulator.testing import VehicleState
-from tests.peers.judging import PAD_ALT_M, PLACE_DEG, Subject, Suite
+from tests.peers.judging import NORTH_DEG, PAD_ALT_M, PLACE_DEG, Subject, Suite
 
 LISTED_S = 60.0
-NORTH_DEG = 0.001
-"""A hundred metres."""
 CORNERS_DEG = [(NORTH_DEG * north, NORTH_DEG * east) for north, east in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
 
 

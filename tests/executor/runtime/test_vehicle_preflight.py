@@ -9,6 +9,7 @@ import pytest
 
 from executor.core.interface.messages import (
     DoubleHeard,
+    Heartbeat,
     Message,
     MissionItemInt,
     MissionRequestList,
@@ -278,3 +279,15 @@ async def test_an_upload_that_is_always_broken_off_is_a_refusal(dialect: Dialect
     with pytest.raises(VehicleRefused, match="uav1: the mission is not on board: "):
         await vehicle_preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.link.close()
+
+
+@pytest.mark.parametrize(("armed", "found"), [(False, True), (True, False)])
+async def test_who_goes_to_and_fro_is_two_on_the_ground_and_one_in_the_air(*, armed: bool, found: bool) -> None:
+    """A flight that is resumed asks its vehicles in the air."""
+    heard = vehicle_preflight._VehicleAnswers(LoopClock())
+    heard.update(Heartbeat(3, 3, armed=armed, system_status=4))
+    for number in range(60):
+        north_deg = 6.0 / 111_320.0 * (number % 2)
+        heard.update(Position(0.2 * number, 50.0 + north_deg, 13.0, 300.0, 0.0, 0.0, 0.0, 0.0, None))
+        await asyncio.sleep(0.2)
+    assert any(isinstance(one, DoubleHeard) for one in heard.strangers) is found
