@@ -51,7 +51,7 @@ from tests.programs import find_program
 
 QUIET = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
+    "--disable-component-update", "--disable-sync", "--disable-smooth-scrolling",
 )  # fmt: skip
 PLACES_M = [(90.0, -20.0), (190.0, 10.0), (290.0, 70.0), (395.0, 90.0), (500.0, 85.0), (600.0, 120.0), (300.0, 175.0)]
 PAIRS = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (2, 6)]
