@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, Route, expect
 
+from executor.plan_page.plan_work import PlanSettings, make_plans
 from tests.e2e.gallery import browsing
 from tests.e2e.plan_pages import PATIENCE_MS, SIZES, Hand, look_at, planning, ready, write_kml
 from tests.executor.plan_page.opened import make_demo_site, opened
@@ -199,6 +200,32 @@ async def test_a_site_that_cannot_be_saved_is_said_at_the_top(tmp_path: Path) ->
         await Hand(page).type('[data-path="inspection.height_m"] input', "19")
         await expect(page.locator("#banner")).to_contain_text("Not saved: site.toml: No space left on device")
         await expect(page.locator("#saved")).to_have_text("not saved")
+
+
+async def test_a_plan_that_is_still_being_read_is_shown_once_it_was(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    settings = PlanSettings(seconds=60.0, iterations=2, cost="minmax")
+    [made] = make_plans(site.read_text(encoding="utf-8"), tmp_path, settings, tmp_path, 1)
+    (tmp_path / f"{made.id}.json").rename(tmp_path / "plan.json")
+    read = asyncio.Event()
+
+    async def answer_too_early(route: Route) -> None:
+        response = await route.fetch()
+        said = await response.json()
+        if said["chosen"] is None or read.is_set():
+            await route.fulfill(response=response)
+            return
+        read.set()
+        await route.fulfill(response=response, json={**said, "plans": []})
+
+    with opened(tmp_path, site) as server:
+        async with browsing("about:blank", patience_ms=PATIENCE_MS) as page:
+            await page.route(re.compile("/api/workspace$"), answer_too_early)
+            await page.goto(server.server.address)
+            await ready(page)
+            await read.wait()
+            await asyncio.to_thread(server.follow_until, lambda news: news["plans"])  # another tab is news for this one
+            await expect(page.locator("#times")).to_be_visible()
 
 
 async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ PLACE = """() => {
 
 
 async def _until(page: Page, met: str) -> None:
-    """Wait for a condition in JavaScript; Playwright's own wait would evaluate it in the page, which its policy forbids."""
+    """Wait for a condition in JavaScript, without evaluating it in the page, which its policy forbids."""
     frame = "new Promise((go) => requestAnimationFrame(go))"
     await page.evaluate(f"async () => {{ while (!({met})) await {frame}; }}")
 

@@ -33,7 +33,7 @@ export interface Change { segment: number; vehicle?: string | null; reversed?: b
 /** The checklist, as before every flight. */
 export interface Checklist { ready: boolean; checks: { severity: "ok" | "warning" | "stop"; subject: string; text: string }[] }
 
-export interface News { revision: number; checked: number; saved?: boolean; job: Job | null; tabs: number; chosen: string | null }
+export interface News { revision: number; checked: number; saved?: boolean; job: Job | null; tabs: number; chosen: string | null; plans: string[] }
 
 export type Edit =
   | { op: "set"; path: Path; value: Json }

@@ -160,7 +160,10 @@ export class Store {
     const isNewer = !known || news.revision > known.revision;
     // What this tab sends comes back as its answer.
     if (this.isSending) return;
-    const isOther = known && (news.chosen !== known.chosen || news.checked !== known.checked || (news.saved ?? known.saved) !== known.saved);
+    const isOther = known && (
+      news.chosen !== known.chosen || news.checked !== known.checked || (news.saved ?? known.saved) !== known.saved ||
+      !same(news.plans, known.plans.map((one) => one.id + (one.stale ? "*" : "")))
+    );
     if (isNewer && known && !ended) this.tell(say("tabs.changed"));
     if (isNewer || ended || isOther) this.refresh();
   }
