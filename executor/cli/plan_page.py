@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import webbrowser
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +18,7 @@ from executor.flight.publication import read_token
 from executor.plan_page import site_files
 from executor.plan_page.server import PlanServer
 from executor.plan_page.site_store import SiteStore
+from executor.plan_page.worker import Worker, make_reader
 from executor.site.mqtt_and_web_keys import WebTable
 from executor.supervised import InternalErrorReporter
 from missions import format_first_error
@@ -50,26 +51,27 @@ def open_page(
     except ValidationError as error:
         raise SiteError(f"--{format_first_error(error)}".replace("_", "-", 1)) from error
     token = read_token(table)
-    site = None if file is None else _find_site(file)
-    if file is None and Path(USUAL_SITE).is_file():
-        site = Path(USUAL_SITE)
-    root = Path() if site is None or site.absolute().is_relative_to(Path.cwd()) else site.parent
-    mistakes = InternalErrorReporter(_report_error, lambda _: None)
+    with closing(make_reader()) as reader:
+        site = None if file is None else _find_site(file, reader)
+        if file is None and Path(USUAL_SITE).is_file():
+            site = Path(USUAL_SITE)
+        root = Path() if site is None or site.absolute().is_relative_to(Path.cwd()) else site.parent
+        mistakes = InternalErrorReporter(_report_error, lambda _: None)
 
-    def report(what: str, error: BaseException) -> None:
-        mistakes(None, {"message": what, "exception": error, "said": False})
+        def report(what: str, error: BaseException) -> None:
+            mistakes(None, {"message": what, "exception": error, "said": False})
 
-    with PlanServer(table, token, root, None if site is None else SiteStore(site), report) as server:
-        query = "" if token is None else f"?token={token}"
-        print(f"page: {server.address}" + ("" if token is None else f"?token=${token_env}"), flush=True)
-        if not no_browser:
-            webbrowser.open(server.address + query)
-        with suppress(KeyboardInterrupt):
-            threading.Event().wait()
+        with PlanServer(table, token, root, None if site is None else SiteStore(site), report, reader) as server:
+            query = "" if token is None else f"?token={token}"
+            print(f"page: {server.address}" + ("" if token is None else f"?token=${token_env}"), flush=True)
+            if not no_browser:
+                webbrowser.open(server.address + query)
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
 
 
-def _find_site(file: Path) -> Path:
-    """Return the site file of what is to be opened; one for a network is made."""
+def _find_site(file: Path, reader: Worker) -> Path:
+    """Return the site file of what is to be opened; one for a network is made, by the process that reads it later."""
     if not file.is_file():
         raise SiteError(f"{file}: no such file; expected a site, a network or a plan")
     kind = site_files.find_kind(file)
@@ -78,7 +80,7 @@ def _find_site(file: Path) -> Path:
     if kind == "site":
         return file
     check_can_write(file.parent / USUAL_SITE)
-    site = site_files.make_site(file.parent, file)
+    site = reader.submit(site_files.make_site, file.parent, file).result()
     print(f"{site}: a new site for {file}", flush=True)
     return site
 

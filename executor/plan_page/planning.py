@@ -102,9 +102,9 @@ class Job:
 class Planning:
     """Plans and jobs; lives on the server's event loop."""
 
-    def __init__(self, changed: Callable[[], None]) -> None:
-        """Begin with nothing; `changed` is called when the stream has something to say."""
-        self.answers, self.planner = Worker("reading the site"), Worker("planning")
+    def __init__(self, changed: Callable[[], None], answers: Worker) -> None:
+        """Begin with nothing; `changed` is called when the stream has something to say, `answers` reads the site."""
+        self.answers, self.planner = answers, Worker("planning")
         self.store: PlanStore | None = None
         self.job: Job | None = None
         self.warm = False

@@ -15,6 +15,7 @@ from executor.adapters.web.page_server import ErrorHandler, PageServer, WebSetti
 from executor.plan_page import site_files
 from executor.plan_page.api import build_api, refuse
 from executor.plan_page.site_store import SiteStore
+from executor.plan_page.worker import Worker
 from executor.plan_page.workspace import Workspace
 from executor.site.mqtt_and_web_keys import WebTable
 from executor.supervised import run_beside
@@ -35,6 +36,7 @@ class PlanServer(PageServer):
         root: Path,
         store: SiteStore | None = None,
         on_error: ErrorHandler = lambda *_: None,
+        reader: Worker | None = None,
     ) -> None:
         """Prepare a server.
 
@@ -44,9 +46,10 @@ class PlanServer(PageServer):
             root: The folder that files may be opened below.
             store: The site that is open at once; nothing if not given.
             on_error: Told of mistakes.
+            reader: What reads the site; a new process if not given. It is ended with the server.
         """
         super().__init__(WebSettings(table.host, table.port, token, frozenset(table.names)), on_error)
-        self._root, self._store = root, store
+        self._root, self._store, self._reader = root, store, reader
         self._workspace: Workspace | None = None
 
     def __enter__(self) -> Self:
@@ -66,7 +69,7 @@ class PlanServer(PageServer):
         if self._workspace is not None:
             self._store = self._workspace.store
             self._workspace.planning.kill()
-        workspace = self._workspace = Workspace(self._root, self._store)
+        workspace = self._workspace = Workspace(self._root, self._store, self._reader)
         workspace.tabs = lambda: len(self._newest.streams)
         api = build_api(workspace)
         shared = [*self._list_shared_routes("plan.html"), Route("/api/events", self._serve_events)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import ctypes
 from collections.abc import Callable
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
@@ -56,6 +57,11 @@ def _prepare(shared: ctypes.Array[ctypes.c_double]) -> None:
     end_with_parent()
 
 
+def make_reader() -> Worker:
+    """Return what reads a site, and answers questions about its plans."""
+    return Worker("reading the site")
+
+
 class Worker:
     """One process, made when it is first asked, and anew if it died."""
 
@@ -77,6 +83,10 @@ class Worker:
         """Have a job, and all before it, end at its next look."""
         self._shared[4] = max(self._shared[4], float(job))
 
+    def submit(self, work: Callable[P, T], *words: P.args, **named: P.kwargs) -> Future[T]:
+        """Hand over some work; the first starts the process."""
+        return self._worker.submit(work, *words, **named)
+
     async def run(self, work: Callable[P, T], *words: P.args, **named: P.kwargs) -> T:
         """Do some work there.
 
@@ -84,7 +94,7 @@ class Worker:
             ExecutorError: the process died; or as the work does.
         """
         try:
-            return await asyncio.wrap_future(self._worker.submit(work, *words, **named))
+            return await asyncio.wrap_future(self.submit(work, *words, **named))
         except BrokenProcessPool as error:
             if self._closed:
                 raise asyncio.CancelledError from error  # nobody waits any more

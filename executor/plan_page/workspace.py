@@ -20,6 +20,7 @@ from executor.plan_page.planning import OURS, Planning, SiteNow
 from executor.plan_page.site_problems import SiteProblem, check_text
 from executor.plan_page.site_store import SiteStore
 from executor.plan_page.site_view import SiteView
+from executor.plan_page.worker import Worker, make_reader
 from executor.plan_page.worker_site import read_site_view
 from missions.files import json_text
 
@@ -37,8 +38,14 @@ class StaleRevision(ExecutorError):
 class Workspace:
     """What the page works on."""
 
-    def __init__(self, root: Path, store: SiteStore | None = None) -> None:
-        """Begin with a site that is entered, or with nothing; `root` is the folder that files may be opened below."""
+    def __init__(self, root: Path, store: SiteStore | None = None, reader: Worker | None = None) -> None:
+        """Begin with a site that is entered, or with nothing.
+
+        Args:
+            root: The folder that files may be opened below.
+            store: The site.
+            reader: What reads it; a new process if not given.
+        """
         self.root = root.absolute()
         self.store = store
         self.view = NOTHING
@@ -50,7 +57,7 @@ class Workspace:
         """Set when there is something new for the stream."""
         for folder in {self.root} if store is None else {self.root, store.path.parent}:
             site_files.remove_drafts(folder)
-        self.planning = Planning(self.news.set)
+        self.planning = Planning(self.news.set, reader or make_reader())
         self.tabs: Callable[[], int] = lambda: 0
         self._values: Mapping[str, Any] = {}
         self._problems: list[SiteProblem] = []

@@ -75,8 +75,8 @@ def write_lines(path: Path, lines: int, spans: int) -> None:
     path.write_text(KML.replace(MARK, "".join(marks)), encoding="utf-8")
 
 
-async def first_picture_s(folder: Path, lines: int, spans: int) -> float:
-    """Return the seconds from the start of the command to a network that is drawn."""
+async def time_first_picture_s(folder: Path, lines: int, spans: int) -> tuple[float, float]:
+    """Return the seconds from the command to its address, and from opening that to a network that is drawn."""
     write_lines(folder / "line.kml", lines, spans)
     command = (sys.executable, "-m", "executor", "open", "line.kml", "--no-browser")
     began_s = time.monotonic()
@@ -85,17 +85,23 @@ async def first_picture_s(folder: Path, lines: int, spans: int) -> float:
         assert process.stdout is not None
         while not (said := (await process.stdout.readline()).decode()).startswith("page: "):
             assert said
-        async with browsing(said.split()[1], patience_ms=PATIENCE_MS) as page:
+        started_s = time.monotonic() - began_s
+        async with browsing("about:blank", patience_ms=PATIENCE_MS) as page:
+            began_s = time.monotonic()
+            await page.goto(said.split()[1])
             await ready(page)
             await page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
-            return time.monotonic() - began_s
+            return started_s, time.monotonic() - began_s
     finally:
         process.terminate()
         await process.wait()
 
 
 async def test_ten_thousand_spans_are_seen_at_most_twice_as_late_as_ten_after_a_cold_start(tmp_path: Path) -> None:
-    few_s = await first_picture_s(tmp_path / "few", 1, 10)
-    many_s = await first_picture_s(tmp_path / "many", 40, 250)
-    print(f"\nfrom the command to the first picture: 10 spans {few_s:.1f} s, 10,000 spans {many_s:.1f} s")
-    assert many_s <= 2.0 * few_s
+    few_s = await time_first_picture_s(tmp_path / "few", 1, 10)
+    many_s = await time_first_picture_s(tmp_path / "many", 40, 250)
+    for spans, (started_s, drawn_s) in (("10", few_s), ("10,000", many_s)):
+        print(
+            f"\n{spans} spans: the page is served after {started_s:.1f} s, drawn {drawn_s:.1f} s after it is opened"
+        )
+    assert sum(many_s) <= 2.0 * sum(few_s)
