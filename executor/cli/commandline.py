@@ -1,4 +1,4 @@
-"""All commands as one: what `faultline` understands. A command's module is imported only once the command is called."""
+"""The command tree of `faultline`. A command's module is imported when the command is called."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ BENCH = (
     "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
     "what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned."
 )
-"""What they say of themselves where they are installed."""
+"""Help of the benchmarks where they are installed."""
 
 
 def read_summary(name: str) -> str:

@@ -1,4 +1,4 @@
-"""The operator's view in a terminal: a live table, and one line for each decision with its reason."""
+"""The operator's terminal view: a live table, and one line for each decision with its reason."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DRAWS_PER_S = 4.0
 LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
 COLUMNS = ("vehicle", "state", "where", "route", "inspected", "battery", "GPS", "link", "home in")
 FOUND_BY_PLACE = frozenset({"lost", "down", "pilot"})
-"""States in which somebody may have to walk there."""
+"""States in which a crew may have to walk to the vehicle."""
 _STYLES = {Level.INFO: "", Level.WARNING: "yellow", Level.FAULT: "bold red"}
 _MARKS = {Level.INFO: " ", Level.WARNING: "!", Level.FAULT: "X"}
 _PHASES = {"takeoff": "takes off", "transit": "to", "inspect": "inspects", "return": "home", "land": "lands"}
@@ -39,7 +39,7 @@ _CHECK_MARKS = {
 
 
 PROXIED = "rich_proxied_file"
-"""What rich asks a stream for that may be one of its own stand-ins."""
+"""Attribute that rich reads on streams that may be its own proxies."""
 
 
 class _Screen:
@@ -94,7 +94,7 @@ class TerminalConsole:
         self._asked: Text | None = None
         self._offer = ""
         self._rings = False
-        """Whether an offer has appeared that nobody was called for yet."""
+        """Whether an offer has appeared without a bell yet."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         """Show one line; the mark in front says what the colour says.

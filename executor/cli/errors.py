@@ -1,4 +1,4 @@
-"""What of ours is raised for somebody to read: bad input, or what is outside of this program."""
+"""Errors meant for users: bad input, or a fault outside this program."""
 
 from executor.errors import ExecutorError
 from missions import MissionsError
@@ -6,4 +6,4 @@ from planner import PlannerError
 from simulator.errors import SimulatorError
 
 OUR_ERRORS = (ExecutorError, MissionsError, PlannerError, SimulatorError)
-"""What is the input's fault, or the outside's: one line, no traceback."""
+"""Errors of the input or the outside world: one line, no traceback."""

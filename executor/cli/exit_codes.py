@@ -6,13 +6,13 @@ import signal
 
 DONE = 0
 ANSWER_IS_NO = 1
-"""It ran, and nothing was wrong with the input."""
+"""The command ran on valid input, and the answer is no."""
 NO_READER = 1
-"""Nobody reads the output any more: as typer has it."""
+"""The reader of the output is gone; typer's own code."""
 BAD_INPUT = 2
-"""The line on stderr says why."""
+"""Bad input; the line on stderr says why."""
 INTERNAL = 70
-"""EX_SOFTWARE: an internal error, not of the input."""
+"""EX_SOFTWARE: an internal error, not a fault of the input."""
 INTERRUPTED = 128 + signal.SIGINT
 
 

@@ -33,11 +33,11 @@ from missions.inspection_height import build_first_paths
 from missions.plan_file import setup_of_plan
 
 SAME_PAD_M = 1.0
-"""Pads that are farther apart are two."""
+"""Pads farther apart than this are separate pads."""
 DECIMALS = 6
-"""Of a degree: more than a decimetre no position carries."""
+"""Decimals of a degree: one decimetre, the accuracy of a position."""
 STEP_S = 0.5
-"""Positions that follow sooner say nothing more to who looks at a map."""
+"""Shortest interval between exported positions; denser ones add nothing on a map."""
 
 
 def build_drawn_run(run: Path) -> exports.MapFeatures:
@@ -202,9 +202,9 @@ DRAWN: Mapping[FormatName, Callable[[exports.MapFeatures], str]] = {
     FormatName.GEOJSON: exports.format_geojson,
     FormatName.GPX: exports.format_gpx,
 }
-"""One file of everything, in formats that show rather than fly it."""
+"""Formats that show the plan: one file for all vehicles."""
 SUFFIXES = {FormatName.QGC: "plan", FormatName.WAYPOINTS: "waypoints"}
-"""One file for each vehicle."""
+"""Formats that are flown: one file for each vehicle."""
 
 
 def export(

@@ -44,10 +44,10 @@ from planner.sorties import Objective
 
 DEMO_PLAN_S = 3.0
 DEMO_ITERATIONS = 300_000
-"""Of the usual demo, whose budgets ask for them: some ten seconds of one processor."""
+"""Search iterations of the default demo: about ten seconds on one processor."""
 DEMO_MOST_S = 300.0
 DEMO_SEARCHES = 2
-"""Of the solver, side by side, however many processors there are: their number is a part of what decides the plan."""
+"""Parallel searches of the demo, whatever the number of processors: it decides which plan is found."""
 
 
 def demo(

@@ -19,7 +19,7 @@ from executor.images import matching
 from executor.images.index_files import read_index, write_file_matches
 
 SHOWN = 5
-"""Names of one kind that are printed; images-files.csv has all of them."""
+"""Most names of one kind to print; images-files.csv lists all."""
 COLUMNS = ("path", "asset", "viewpoint", "vehicle", "camera", "sequence", "state", "clock_ahead_s")
 
 

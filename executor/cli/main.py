@@ -22,11 +22,11 @@ from executor.adapters.interrupts import discard_output, end_children, treat_sig
 from executor.cli.exit_codes import BAD_INPUT, DONE, INTERNAL, INTERRUPTED, NO_READER, exit_code_of
 
 ENDS_S = 10.0
-"""Real seconds for what is left to do when a command has ended: threads, and what Python does at its end."""
+"""Real seconds for threads and Python's own shutdown after a command."""
 LONGEST = 1000
-"""Letters of the line that says why; files are named at its begin."""
+"""Most characters of the error line; file names come first."""
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE})
-"""What a computer lacks, and no file is named with."""
+"""Errors of a full disk or quota that name no file."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

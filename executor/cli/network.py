@@ -1,4 +1,4 @@
-"""The commands that read a network's file: `network` shows what was understood of it, `init` begins a site with it."""
+"""The commands that read a network file: `network` shows what was read, `init` writes a site for it."""
 
 from __future__ import annotations
 
@@ -123,10 +123,10 @@ def _make_depot_error(text: str) -> SiteError:
 
 
 SHOWN = 5
-"""Findings of one matter on the screen; the JSON has all."""
+"""Most findings of one kind on the screen; the JSON lists all."""
 MOST_LINES = 40
 WIDTH = 100
-"""Letters of a table where nobody looks at a terminal."""
+"""Table width in characters if the output is no terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +140,9 @@ class LineRow:
     longest_m: float
     poles: int
     elevations_known: int
-    """Poles of which the ground is known."""
+    """Number of poles with known ground height."""
     heights_known: int
-    """Poles of which the structure's height is known."""
+    """Number of poles with known structure height."""
 
 
 @flatten_options

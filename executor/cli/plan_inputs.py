@@ -1,4 +1,4 @@
-"""What commands that plan have in common, for a flight and for the working days of `--day`."""
+"""Inputs shared by the commands that plan a flight or, with `--day`, working days."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ def check_can_write(*paths: Path | None) -> None:
 
 
 DAY_SECONDS = 20.0
-"""Of a day's search where nobody said how long."""
+"""Default search time for days."""
 MOST_SPARES = 5
 ObjectiveOption = Annotated[
     sorties.Objective, typer.Option(help="Day plan objective: earliest finish, least flight time or fewest sorties.")

@@ -34,7 +34,7 @@ LogsArgument = Annotated[
     typer.Argument(metavar="LOG...", help=".tlog, .BIN, .log or .ulg files, run directories, folders of logs."),
 ]
 NOT_SHOWN = {"samples", "packs"}
-"""What the JSON leaves out of a vehicle."""
+"""Vehicle fields that the JSON leaves out."""
 
 
 def replay_logs(
@@ -171,7 +171,7 @@ BY: Mapping[Actor, str] = MappingProxyType(
         Actor.UNKNOWN: "by an unknown source",
     }
 )
-"""Who changed a mode, for people."""
+"""Author of a mode change, in words."""
 
 
 def _describe(found: LogReplay) -> Iterator[str]:

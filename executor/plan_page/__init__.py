@@ -1,1 +1,1 @@
-"""The page to plan on: a site file that is edited in the browser, its plans, and the server of both."""
+"""The plan page: edit a site file in the browser, plan it, and serve both."""

@@ -1,4 +1,4 @@
-"""What the plan page asks of its server; FastAPI says in OpenAPI what there is."""
+"""The plan page's HTTP API; FastAPI writes its OpenAPI description."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class EditsBody(Body):
     revision: Revision
     edits: Annotated[tuple[Edit, ...], Field(min_length=1, max_length=MOST_EDITS)]
     label: Annotated[str, Field(max_length=200)] = "edit"
-    """What undo calls it."""
+    """Name of the edit in the undo menu."""
 
 
 class RevisionBody(Body):
@@ -81,7 +81,7 @@ class LossBody(Body):
 
     vehicle: Annotated[str, Field(max_length=32)]
     at_s: Annotated[float, Field(ge=0, le=1e7)]
-    """From the start of the plan; of days from the first midnight."""
+    """Seconds from the start of the plan; for days, from the first midnight."""
 
 
 class ChangesBody(Body):
@@ -89,7 +89,7 @@ class ChangesBody(Body):
 
     changes: Annotated[tuple[Change, ...], Field(min_length=1, max_length=MOST_EDITS)]
     keep: bool = False
-    """Whether the new plan becomes the chosen one."""
+    """Whether to choose the new plan."""
 
 
 class TryBody(Body):
@@ -303,11 +303,11 @@ REPORT = (
     "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'"
 )
-"""A report is one file: its style stands in it, and the script of its map. It is no page of this server, whose site it
-could change: to a browser it is of nobody's origin, and may fetch nothing."""
+"""Content policy of a served report: one file with its style and script inside. It gets an opaque origin and may fetch
+nothing, so that it cannot change this server's site."""
 SCRIPT = re.compile(rb"script-src '(sha256-[A-Za-z0-9+/]{43}=)'")
 HEAD = 4096
-"""Bytes in which a report names the script that it has."""
+"""Leading bytes of a report that hold the hash of its script."""
 
 
 def _add_flights(api: FastAPI, workspace: Workspace) -> None:

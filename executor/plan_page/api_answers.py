@@ -1,4 +1,4 @@
-"""What the plan page's server answers, as its documentation has it; tests hold every answer against it."""
+"""Response models of the plan page's API; tests check every response against them."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ class ErrorAnswer(Answer):
     """Why something was not done."""
 
     error: str
-    """One line."""
+    """Error message, one line."""
     path: list[str | int] | None
-    """The key of the site file that it is about, where there is one."""
+    """Site-file key that caused the error, if there is one."""
 
 
 class ProblemPart(Answer):
     """What is wrong with the site."""
 
     path: list[str | int] | None
-    """The key that it is about, where that is known."""
+    """Site-file key that caused the problem, if known."""
     message: str
-    """As the command line says it."""
+    """Same text as on the command line."""
 
 
 class SitePart(Answer):
@@ -49,7 +49,7 @@ class NetworkPart(Answer):
     """The network of the site."""
 
     digest: str
-    """Another one where `GET /api/network` answers with something else."""
+    """Changes whenever the answer of `GET /api/network` changes."""
     segments: int
 
 
@@ -58,26 +58,26 @@ class PlanSummary(Answer):
 
     id: str
     file: str | None
-    """The file that is flown, of the chosen plan."""
+    """File that `fly` takes; only the chosen plan has one."""
     stale: bool
-    """Whether the site says something else now than when it was made."""
+    """Whether the site has changed since the plan was made."""
     kind: Literal["flight", "day"]
     longest_s: float
     energy_pct: dict[str, float]
-    """Of each vehicle; of days all its sorties together."""
+    """Battery used by each vehicle; for days, by all its sorties."""
     window_pct: float | None
     window_from_s: float | None
     breaking: BreakingLoss | None
-    """The loss just before the window that has no re-plan."""
+    """The latest loss that no re-plan covers, just before the window."""
     uncovered: int
-    """Segments that nobody flies."""
+    """Number of segments that no route covers."""
     cost: str
-    """What it was chosen by."""
+    """Cost function that chose the plan."""
     value: float
     seconds: float
-    """That the search took."""
+    """Duration of the search."""
     finish_s: float
-    """When the last vehicle is home."""
+    """Time at which the last vehicle has landed."""
 
 
 class JobPart(Answer):
@@ -89,18 +89,18 @@ class JobPart(Answer):
     elapsed_s: float
     limit_s: float
     value: float | None
-    """Of the best plan so far; null until there is one."""
+    """Cost of the best plan so far; null until there is one."""
     uncovered: int | None
-    """Segments that it leaves out."""
+    """Segments that the best plan leaves out."""
     better_pct: float | None
-    """By how much it is better than the first plan that left as few out."""
+    """Improvement over the first plan that left as few segments out."""
     since_s: float | None
-    """When that one was found."""
+    """Time at which that first plan was found."""
     improved_s: float | None
-    """When something better was found last."""
+    """Time of the last improvement."""
     error: str | None
     plans: list[str]
-    """The ids of those that it made."""
+    """Ids of the plans that the job made."""
 
 
 class WorkspaceAnswer(Answer):
@@ -109,31 +109,32 @@ class WorkspaceAnswer(Answer):
     revision: int
     """Grows with every change of the site."""
     checked: int
-    """The revision of which problems, network and ground are known; before that the problems are those of its keys."""
+    """Last revision whose network and ground were read. Until it equals `revision`, `problems` covers the keys
+    alone."""
     folder: str
-    """Where the page was started: files may be opened below it."""
+    """Folder of the page; only files below it can be opened."""
     site: SitePart | None
     values: dict[str, Any]
-    """What the site file says, without defaults."""
+    """Values in the site file, without defaults."""
     problems: list[ProblemPart]
     undo: str | None
-    """What would be undone."""
+    """Name of the edit that undo would revert."""
     redo: str | None
     network: NetworkPart | None
     plans: list[PlanSummary]
     """The newest first."""
     chosen: str | None
     job: JobPart | None
-    """The search under way, or the last one."""
+    """Search in progress, or the last one."""
     warm: bool
-    """Whether the planner is loaded: compiling it takes a while, once."""
+    """Whether the planner is loaded; it is compiled once, which takes a while."""
     saved: bool
-    """Whether the site file says the same."""
+    """Whether this state is saved in the site file."""
     save_error: str | None
     tabs: int
-    """Browsers that follow the stream."""
+    """Number of browsers that follow the event stream."""
     uploaded: str | None = None
-    """After an upload: the name that the file was kept under."""
+    """Name under which an upload was saved."""
 
 
 class StaleAnswer(ErrorAnswer):
@@ -160,9 +161,9 @@ class SegmentPart(Answer):
     line: str
     length_m: float
     left_out: bool
-    """By the site."""
+    """Whether the site leaves the segment out."""
     unreachable: str | None
-    """Why no flight can inspect it."""
+    """Reason why no flight can inspect the segment."""
 
 
 class PylonPart(Answer):
@@ -186,7 +187,7 @@ class NetworkAnswer(Answer):
     segments: list[SegmentPart]
     pylons: list[PylonPart]
     remarks: list[str]
-    """What was mended or found."""
+    """Repairs and findings."""
 
 
 class VehiclePadPart(Answer):
@@ -216,7 +217,7 @@ class AreaPart(Answer):
     """An area that flights keep out of, or low in."""
 
     index: int
-    """Of its table in the site file."""
+    """Index of its table in the site file."""
     name: str | None
     kind: Literal["no-fly", "corridor", "height-limit"]
     rings: list[list[Place]]
@@ -250,7 +251,7 @@ class VisitPart(Answer):
 
     segment: int
     reversed: bool
-    """From its b to its a."""
+    """Whether it is flown from end b to end a."""
     from_s: float
     to_s: float
 
@@ -265,8 +266,8 @@ class RoutePart(Answer):
     energy_pct: float
     visits: list[VisitPart]
     track: list[tuple[float, float, float, float, float]]
-    """Corners of the way, straight between: seconds, latitude, longitude, metres up from the depot, battery in percent.
-    Of days seconds from the first midnight."""
+    """Corners of the route: seconds (for days, from the first midnight), latitude, longitude, metres above the depot,
+    battery percent."""
 
 
 class VehiclePart(Answer):
@@ -276,7 +277,8 @@ class VehiclePart(Answer):
     budget_pct: float
     routes: list[RoutePart]
     profile: list[tuple[float, float, float | None]]
-    """Of its first sortie: metres flown, metres up from the depot, and the ground's, where a raster knows it."""
+    """Height profile of the first sortie: metres flown, metres above the depot, and the ground's where a raster has
+    it."""
 
 
 class LeftPart(Answer):
@@ -295,21 +297,21 @@ class PlanPart(Answer):
     uncovered: list[LeftPart]
     windows: list[LossWindow]
     lines: list[str]
-    """What `faultline plan` prints of it."""
+    """Lines that `faultline plan` prints."""
 
 
 class LossAnswer(Answer):
     """What the others would fly."""
 
     routes: list[VehiclePart]
-    """Of everybody: what was flown by then and what is new; nothing of the lost one."""
+    """Routes of all survivors: flown until the loss, and new."""
     uncovered: list[LeftPart]
     recovered: int
-    """Spans of the lost vehicle that others take."""
+    """Spans that the survivors take over."""
     complete: bool
-    """Whether everything is inspected."""
+    """Whether the re-plan covers every segment."""
     seconds: float
-    """That the answer took."""
+    """Duration of the re-plan."""
 
 
 class ChangeAnswer(Answer):
@@ -317,7 +319,7 @@ class ChangeAnswer(Answer):
 
     plan: PlanPart
     violations: list[str]
-    """Why it cannot be flown."""
+    """Reasons why the changed plan cannot be flown."""
     window_was: float | None
     window_is: float
 
@@ -341,9 +343,9 @@ class FlightAnswer(Answer):
     model_config = ConfigDict(extra="allow")
 
     url: str | None = None
-    """Of its page, which asks before anything takes off."""
+    """Address of the flight's page; it asks before take-off."""
     run: str | None = None
-    """Its run directory."""
+    """Run directory."""
     ready: bool | None = None
     checks: list[dict[str, Any]] | None = None
 

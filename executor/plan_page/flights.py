@@ -1,4 +1,4 @@
-"""From the plan page to a flight and back: a flight is a process of its own, with its own page, and outlives this."""
+"""Start flights from the plan page, and list them. A flight is a separate process and outlives the page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from executor.errors import LogError, SiteError
 
 RUNS = "runs"
 STARTS_S = 90.0
-"""Real seconds for a flight's page to be there: its process loads the planner first."""
+"""Real seconds to wait for a flight's page; its process loads the planner first."""
 LOOK_S = 0.2
 MOST_FLIGHTS = 100
 

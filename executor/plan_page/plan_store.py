@@ -18,7 +18,7 @@ from executor.plan_page.site_store import work_folder_of
 from missions.files import write_whole
 
 MOST_PLANS = 24
-"""That are kept; the oldest go first, the chosen one stays."""
+"""Number of plans to keep; the oldest are dropped, never the chosen one."""
 PLANNED_BY = frozenset({
     "depot", "network", "terrain", "inspection", "energy", "area", "place", "vehicle", "flight", "camera", "look",
     "day", "base", "fence", "learned", "lock",
@@ -37,9 +37,9 @@ class PlanStore:
         self.file = site.with_name("plan.json" if site.stem == "site" else f"{site.stem}-plan.json")
         """The chosen plan."""
         self.summaries: dict[str, Mapping[str, Any]] = {}
-        """By the plan's id, the oldest first."""
+        """Summaries by plan id, oldest first."""
         self.facts: dict[str, str] = {}
-        """What the site said when a plan was made, or last found to fit it."""
+        """Fingerprint of the site for which each plan was made, or last checked to fit."""
         self.chosen: str | None = None
         self._seen: tuple[int, int] | None = None
 

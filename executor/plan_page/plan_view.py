@@ -1,4 +1,4 @@
-"""A plan as the page shows it: its figures, and who is where at any time with how much battery."""
+"""A plan as the page shows it: figures, and each vehicle's position and battery over time."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ class Sortie:
 
     vehicle: str
     visits: tuple[int, ...]
-    """Of the network."""
+    """Visits by network segment."""
     start_s: float = 0.0
     number: int = 0
     day: int = 1
     base: str = ""
-    """Of days: where it takes off."""
+    """Base of take-off; days only."""
     lands: str = ""
     planned: tuple[float, float] | None = None
-    """Seconds and energy that the plan has for it."""
+    """Planned duration in seconds, and energy."""
 
 
 def summarise(plan: PlanFile | DayPlanFile) -> dict[str, Any]:

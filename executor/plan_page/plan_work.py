@@ -1,4 +1,4 @@
-"""The planner's part of the page, in a worker process: plans, what a loss would make of one, changes by hand."""
+"""Planning for the page, in a worker process: plans, what-if losses, and changes by hand."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ from planner.model import TABLES_UP_TO
 from planner.replan import FreeVehicle, find_survivors
 
 ANSWER_S = 0.25
-"""Real seconds in which a re-plan is searched for where somebody drags a slider."""
+"""Real seconds to search for a re-plan while the slider is dragged."""
 SETTLED = 4000
-"""Iterations without an improvement that are enough for it, as in flight."""
+"""Iterations without improvement after which that search ends, as in flight."""
 MOST_FRONT = 12
-"""Plans of a front that are kept."""
+"""Most plans of a front."""
 
 
 class PlanSettings(BaseModel):
@@ -59,14 +59,14 @@ class PlanSettings(BaseModel):
     seconds: Annotated[float, Field(ge=0.1, le=86_400)] = DEFAULT.seconds
     """Time limit of the search."""
     cost: Literal["minmax", "minsum", "mincomb", "window"] | None = None
-    """As `faultline plan --cost`; without it the window where there is one to search for."""
+    """As `faultline plan --cost`; by default the re-plan window, where the problem has one."""
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = DEFAULT.seed
     iterations: Annotated[int, Field(ge=1)] | None = None
-    """After so many the search ends, within `seconds`: another computer then finds the same plan."""
+    """Iteration limit, so that every computer finds the same plan; `seconds` still holds."""
     front: bool = False
-    """Several plans, between longest route, energy and window."""
+    """Whether to find several plans that trade longest route, energy and window."""
     day: bool = False
-    """Working days of many sorties."""
+    """Whether to plan working days of several sorties."""
 
     def build_request(self) -> PlanRequest:
         """Return the same that the command line makes of these options."""
@@ -297,13 +297,13 @@ class Change:
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
     segment: Annotated[int, Field(ge=0)]
-    """Its id in the network."""
+    """Segment id in the network."""
     vehicle: Annotated[str, Field(max_length=32)] | None = None
-    """Who flies it from now on; empty for nobody, null for who does."""
+    """New vehicle; empty for none, null to keep the present one."""
     reversed: bool | None = None
-    """From its b to its a; null for as it is, or what is best for another vehicle."""
+    """Whether to fly it from end b to end a; null keeps the direction, or chooses the best one for a new vehicle."""
     position: Annotated[int, Field(ge=0)] | None = None
-    """In the route; null for where it is, or the best place for another vehicle."""
+    """Position in the route; null to keep it, or to choose the best one for a new vehicle."""
 
 
 def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Change], into: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The plans of the site that is open, and the one job that makes new ones."""
+"""Plans of the open site, and the single job that makes new ones."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from missions import MissionsError
 from planner import PlannerError
 
 ENDS_S = 5.0
-"""Real seconds after which a job that was cancelled is ended with its process."""
+"""Real seconds after which the process of a cancelled job is killed."""
 OURS = (ExecutorError, MissionsError, PlannerError)
 
 JobState = Literal["running", "done", "cancelled", "failed"]
@@ -43,7 +43,7 @@ class SiteNow:
     text: str
     folder: Path
     facts: str
-    """Changes when something does that a plan depends on."""
+    """Fingerprint of everything that a plan depends on."""
     plans: PlanStore
     """Its plans."""
 
@@ -65,7 +65,7 @@ class Job:
     error: str | None = None
     plans: Sequence[str] = ()
     first: tuple[float, float] | None = None
-    """The first value with the fewest segments left out, and when it was found."""
+    """First cost with the fewest segments left out, and when it was found."""
     value: float | None = None
     uncovered: int | None = None
     improved_s: float | None = None
@@ -115,7 +115,7 @@ class Planning:
         self._answering = asyncio.Lock()
         self._task: asyncio.Task[None] | None = None
         self._prepared: tuple[str | None, str] = (None, "")
-        """The plan, and the facts of its site, for which answers were prepared last."""
+        """Plan and site fingerprint for which answers were last prepared."""
 
     async def warm_up(self) -> None:
         """Load what plans and answers need, in both processes."""

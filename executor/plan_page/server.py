@@ -1,4 +1,4 @@
-"""The server of the plan page: the door of a flight's page, with a workspace behind it."""
+"""Server of the plan page: the flight page's access rules, in front of a workspace."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from executor.site.mqtt_and_web_keys import WebTable
 from executor.supervised import run_beside
 
 MOST_EDIT_BYTES = 4_000_000
-"""Of edits: an area has many corners."""
+"""Most bytes of one request of edits; an area has many corners."""
 PERIOD_S = 0.2
-"""Real seconds between two looks at how far a job is."""
+"""Real seconds between two progress reports of a job."""
 
 
 class PlanServer(PageServer):

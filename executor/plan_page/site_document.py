@@ -24,10 +24,10 @@ from executor.errors import SiteError
 from executor.site.site_file import parse_toml
 
 Path: TypeAlias = tuple[str | int, ...]
-"""Keys, and numbers in lists, from the whole file down."""
+"""Keys and list indices, from the top of the file down."""
 Key = Annotated[str, Field(max_length=200)] | Annotated[int, Field(ge=0, le=1_000_000)]
 DEEPEST = 12
-"""Keys of a path."""
+"""Most keys in a path."""
 
 
 class EditRefused(SiteError):
@@ -46,13 +46,13 @@ class Edit:
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
     op: Literal["set", "unset", "add", "remove"]
-    """`add` puts a value into a list, which may be one of tables; `remove` takes one out."""
+    """`add` inserts into a list or an array of tables; `remove` deletes one element."""
     path: Annotated[tuple[Key, ...], Field(min_length=1, max_length=DEEPEST)]
-    """Keys, and numbers in lists, from the whole file down."""
+    """Keys and list indices, from the top of the file down."""
     value: Any = None
-    """Of `set` and `add`, as JSON has it."""
+    """JSON value for `set` and `add`."""
     at: Annotated[int, Field(ge=0)] | None = None
-    """With `add`: before which one; without it at the end."""
+    """Index to insert before, for `add`; the end by default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +60,9 @@ class _Block:
     """A table's header, the comments right above it, and all lines up to the next one's."""
 
     path: Path
-    """The table's, with the number of an array's element."""
+    """Path of the table, with the index of an array element."""
     head: str
-    """Comments and header."""
+    """Comments above the table, and its header."""
     body: str
 
 

@@ -1,4 +1,4 @@
-"""Files of the folder that the page works in: what can be opened, what is uploaded, and a new site for a network."""
+"""Files of the page's folder: list what can be opened, receive uploads, and write a new site for a network."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from executor.site.site_model import DEFAULT_NETWORK
 from missions.files import stamp_file, write_whole
 
 MOST_UPLOAD = 100_000_000
-"""Bytes of a file."""
+"""Most bytes of an uploaded file."""
 MOST_NAME = 120
 MOST_SHOWN = 500
 NETWORKS = frozenset((
     ".csv", ".geojson", ".gpkg", ".gpx", ".json", ".kml", ".kmz", ".osm", ".pbf", ".shp", ".txt", ".xlsx", ".zip",
 ))  # fmt: skip
-"""What a network's file may end in, where a folder is listed; what is opened by its name may end in anything."""
+"""Suffixes of network files in a folder listing; a file opened by name may have any."""
 HEAD = 4096
 VEHICLES = 3
 DRAFT = ".faultline-part"
-"""What the name of a file ends in that is still being received; it begins with a dot."""
+"""Suffix of a file that is still being received; its name begins with a dot."""
 FileKind = Literal["site", "network", "plan"]
 
 

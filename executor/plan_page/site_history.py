@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from executor.plan_page.site_document import Edit, apply_edits
 
 MOST_STEPS = 500
-"""Steps that can be undone."""
+"""Most steps that undo keeps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +24,9 @@ class Step:
 
     label: str
     edits: tuple[Edit, ...] | None
-    """None where the file was written by somebody else."""
+    """None if another program wrote the file."""
     text: str
-    """The site file after it."""
+    """Site file after the step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +34,10 @@ class History:
     """A site file, and how it came to be."""
 
     base: str
-    """The text before the first step."""
+    """Text before the first step."""
     steps: tuple[Step, ...] = ()
     done: int = 0
-    """So many steps are not undone."""
+    """Number of steps in effect; those after it were undone."""
 
     @property
     def text(self) -> str:
@@ -96,7 +96,7 @@ class RecordLine(BaseModel):
     model_config = ConfigDict(extra="ignore")
 
     does: Done
-    """`saved`: the site file says what the record says."""
+    """`saved`: the site file matches the record."""
     label: str = ""
     text: str = ""
     edits: tuple[Edit, ...] = ()

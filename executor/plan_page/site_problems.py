@@ -1,4 +1,4 @@
-"""What is wrong with a site, each matter at the key that it is about, in the words of the command line."""
+"""Problems of a site, each at its key, in the words of the command line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SiteProblem(TypedDict):
     """One matter."""
 
     path: list[str | int] | None
-    """The key, where it is known."""
+    """Key of the site file, if known."""
     message: str
 
 

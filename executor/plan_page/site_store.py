@@ -25,7 +25,7 @@ WORK_FOLDER = ".faultline"
 BY_OTHERS = "a change in another program"
 
 Signature = tuple[int, int, int]
-"""By what a file is known to be the one that was written: inode, size and time."""
+"""Inode, size and time by which a file is recognised as the one that was written."""
 
 
 def work_folder_of(site: Path) -> Path:
@@ -42,11 +42,11 @@ class SiteStore:
         self.folder = work_folder_of(self.path)
         self.history = History("")
         self.save_error: str | None = None
-        """Why the last change is not on disk."""
+        """Reason why the last change is not on disk."""
         self._waiting: list[bytes] = []
-        """Lines of the record that are not on disk."""
+        """Record lines that are not on disk yet."""
         self._written: str | None = None
-        """What the site file says, as far as is known."""
+        """Text of the site file as last read or written."""
         self._seen: Signature | None = None
         self._record: FileIO | None = None
         self._stack = ExitStack()

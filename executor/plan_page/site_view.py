@@ -30,9 +30,9 @@ from missions.geo import FloatArray
 from missions.no_fly_areas import Area
 
 Place = tuple[float, float]
-"""Latitude and longitude."""
+"""Latitude and longitude in degrees."""
 FIGURES = 7
-"""Of a degree: a centimetre."""
+"""Decimals of a degree: one centimetre."""
 MOST_FOOTPRINTS = 2000
 
 
@@ -42,14 +42,14 @@ class SiteView:
 
     problems: list[SiteProblem]
     network: bytes | None = None
-    """JSON; None where its file cannot be read."""
+    """JSON; None if the file cannot be read."""
     digest: str = ""
-    """Of the network."""
+    """Fingerprint of the network."""
     segments: int = 0
     ground: bytes = b"{}"
     """JSON."""
     background: Mapping[str, bytes] = field(default_factory=dict)
-    """Files, by their names."""
+    """Files by name."""
 
 
 def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None]:
@@ -86,7 +86,7 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
 
 
 _backgrounds: dict[bytes, Mapping[str, bytes]] = {}
-"""The last one: pictures take seconds, and most edits do not change what is below the line."""
+"""Cache of the last background: encoding takes seconds, and most edits do not change it."""
 
 
 def _encode_background_once(ground: SiteModel, folder: Path) -> Mapping[str, bytes]:

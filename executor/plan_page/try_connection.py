@@ -1,4 +1,4 @@
-"""Whether a vehicle is heard on a connection: nothing is sent, nothing is commanded."""
+"""Listen for a vehicle on a connection; nothing is sent."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from executor.errors import ConnectionFailed
 from missions import dialect_for
 
 LISTEN_S = 4.0
-"""Real seconds: HEARTBEATs come once a second, over a radio some are lost."""
+"""Real seconds to listen: HEARTBEATs come once a second, and a radio loses some."""
 MORE_S = 1.2
-"""Real seconds more for its battery."""
+"""Additional real seconds to wait for the battery."""
 
 
 async def listen_for_vehicle(connection: str, sysid: int, autopilot: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What takes long is done in a process of its own: the page answers meanwhile, and what hangs can be ended."""
+"""Run long work in a separate process, so that the page keeps answering and hung work can be killed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class WorkProgress:
     job: int
     iterations: int
     value: float
-    """Of the best plan so far."""
+    """Cost of the best plan so far."""
     uncovered: int
 
 

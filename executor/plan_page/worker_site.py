@@ -1,4 +1,4 @@
-"""The site in a worker process: read once for all that is asked of it."""
+"""The site in the worker process, read once for all requests."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from executor.plan_page.site_view import SiteView, understand_site
 from executor.site.site_model import SiteModel
 
 SiteKey = tuple[str, Path, tuple[object, ...]]
-"""The site file, its folder, and of when the files are that it names."""
+"""Text of the site file, its folder, and the times of the files that it names."""
 _known: dict[SiteKey, SiteModel] = {}
-"""The last one that could be used."""
+"""The last usable site."""
 
 
 def read_site_view(text: str, folder: Path) -> SiteView:

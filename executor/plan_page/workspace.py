@@ -25,9 +25,9 @@ from executor.plan_page.worker_site import read_site_view
 from missions.files import json_text
 
 LOOK_S = 2.0
-"""Real seconds between two looks at what others do to the files."""
+"""Real seconds between two checks for changes by other programs."""
 SOON_S = 0.4
-"""So long an answer waits for what was understood of the site; what takes longer follows by the stream."""
+"""Real seconds that a response waits for the site to be read; later results follow on the event stream."""
 NOTHING = SiteView([])
 
 
@@ -50,11 +50,11 @@ class Workspace:
         self.store = store
         self.view = NOTHING
         self.revision = int(1000 * time.time())
-        """Grows with every change of the site; also over restarts, so that a tab which stayed open is told."""
+        """Grows with every change of the site, and across restarts, so that an open tab notices them."""
         self.checked = self.revision
-        """Of which revision `view` is."""
+        """Revision that `view` belongs to."""
         self.news = asyncio.Event()
-        """Set when there is something new for the stream."""
+        """Set when the event stream has something to send."""
         for folder in {self.root} if store is None else {self.root, store.path.parent}:
             site_files.remove_drafts(folder)
         self.planning = Planning(self.news.set, reader or make_reader())

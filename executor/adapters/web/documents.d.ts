@@ -106,31 +106,31 @@ export interface GroundDocument {
 export interface WorkspaceAnswer {
   /** Grows with every change of the site. */
   revision: number;
-  /** The revision of which problems, network and ground are known; before that the problems are those of its keys. */
+  /** Last revision whose network and ground were read. Until it equals `revision`, `problems` covers the keys alone. */
   checked: number;
-  /** Where the page was started: files may be opened below it. */
+  /** Folder of the page; only files below it can be opened. */
   folder: string;
   site: SitePart | null;
-  /** What the site file says, without defaults. */
+  /** Values in the site file, without defaults. */
   values: Record<string, any>;
   problems: ProblemPart[];
-  /** What would be undone. */
+  /** Name of the edit that undo would revert. */
   undo: string | null;
   redo: string | null;
   network: NetworkPart | null;
   /** The newest first. */
   plans: PlanSummary[];
   chosen: string | null;
-  /** The search under way, or the last one. */
+  /** Search in progress, or the last one. */
   job: JobPart | null;
-  /** Whether the planner is loaded: compiling it takes a while, once. */
+  /** Whether the planner is loaded; it is compiled once, which takes a while. */
   warm: boolean;
-  /** Whether the site file says the same. */
+  /** Whether this state is saved in the site file. */
   saved: boolean;
   save_error: string | null;
-  /** Browsers that follow the stream. */
+  /** Number of browsers that follow the event stream. */
   tabs: number;
-  /** After an upload: the name that the file was kept under. */
+  /** Name under which an upload was saved. */
   uploaded: string | null;
 }
 
@@ -144,7 +144,7 @@ export interface NetworkAnswer {
   frame: FramePart;
   segments: SegmentPart[];
   pylons: PylonPart[];
-  /** What was mended or found. */
+  /** Repairs and findings. */
   remarks: string[];
 }
 
@@ -165,27 +165,27 @@ export interface PlanPart {
   vehicles: VehiclePart[];
   uncovered: LeftPart[];
   windows: LossWindow[];
-  /** What `faultline plan` prints of it. */
+  /** Lines that `faultline plan` prints. */
   lines: string[];
 }
 
 /** What the others would fly. */
 export interface LossAnswer {
-  /** Of everybody: what was flown by then and what is new; nothing of the lost one. */
+  /** Routes of all survivors: flown until the loss, and new. */
   routes: VehiclePart[];
   uncovered: LeftPart[];
-  /** Spans of the lost vehicle that others take. */
+  /** Spans that the survivors take over. */
   recovered: number;
-  /** Whether everything is inspected. */
+  /** Whether the re-plan covers every segment. */
   complete: boolean;
-  /** That the answer took. */
+  /** Duration of the re-plan. */
   seconds: number;
 }
 
 /** A plan that was changed by hand. */
 export interface ChangeAnswer {
   plan: PlanPart;
-  /** Why it cannot be flown. */
+  /** Reasons why the changed plan cannot be flown. */
   violations: string[];
   window_was: number | null;
   window_is: number;
@@ -383,15 +383,15 @@ export interface SitePart {
 
 /** What is wrong with the site. */
 export interface ProblemPart {
-  /** The key that it is about, where that is known. */
+  /** Site-file key that caused the problem, if known. */
   path: (string | number)[] | null;
-  /** As the command line says it. */
+  /** Same text as on the command line. */
   message: string;
 }
 
 /** The network of the site. */
 export interface NetworkPart {
-  /** Another one where `GET /api/network` answers with something else. */
+  /** Changes whenever the answer of `GET /api/network` changes. */
   digest: string;
   segments: number;
 }
@@ -399,26 +399,26 @@ export interface NetworkPart {
 /** A plan in a list. */
 export interface PlanSummary {
   id: string;
-  /** The file that is flown, of the chosen plan. */
+  /** File that `fly` takes; only the chosen plan has one. */
   file: string | null;
-  /** Whether the site says something else now than when it was made. */
+  /** Whether the site has changed since the plan was made. */
   stale: boolean;
   kind: "flight" | "day";
   longest_s: number;
-  /** Of each vehicle; of days all its sorties together. */
+  /** Battery used by each vehicle; for days, by all its sorties. */
   energy_pct: Record<string, number>;
   window_pct: number | null;
   window_from_s: number | null;
-  /** The loss just before the window that has no re-plan. */
+  /** The latest loss that no re-plan covers, just before the window. */
   breaking: BreakingLoss | null;
-  /** Segments that nobody flies. */
+  /** Number of segments that no route covers. */
   uncovered: number;
-  /** What it was chosen by. */
+  /** Cost function that chose the plan. */
   cost: string;
   value: number;
-  /** That the search took. */
+  /** Duration of the search. */
   seconds: number;
-  /** When the last vehicle is home. */
+  /** Time at which the last vehicle has landed. */
   finish_s: number;
 }
 
@@ -429,18 +429,18 @@ export interface JobPart {
   state: "running" | "done" | "cancelled" | "failed";
   elapsed_s: number;
   limit_s: number;
-  /** Of the best plan so far; null until there is one. */
+  /** Cost of the best plan so far; null until there is one. */
   value: number | null;
-  /** Segments that it leaves out. */
+  /** Segments that the best plan leaves out. */
   uncovered: number | null;
-  /** By how much it is better than the first plan that left as few out. */
+  /** Improvement over the first plan that left as few segments out. */
   better_pct: number | null;
-  /** When that one was found. */
+  /** Time at which that first plan was found. */
   since_s: number | null;
-  /** When something better was found last. */
+  /** Time of the last improvement. */
   improved_s: number | null;
   error: string | null;
-  /** The ids of those that it made. */
+  /** Ids of the plans that the job made. */
   plans: string[];
 }
 
@@ -459,9 +459,9 @@ export interface SegmentPart {
   b: [number, number];
   line: string;
   length_m: number;
-  /** By the site. */
+  /** Whether the site leaves the segment out. */
   left_out: boolean;
-  /** Why no flight can inspect it. */
+  /** Reason why no flight can inspect the segment. */
   unreachable: string | null;
 }
 
@@ -495,7 +495,7 @@ export interface PlacePart {
 
 /** An area that flights keep out of, or low in. */
 export interface AreaPart {
-  /** Of its table in the site file. */
+  /** Index of its table in the site file. */
   index: number;
   name: string | null;
   kind: "no-fly" | "corridor" | "height-limit";
@@ -517,7 +517,7 @@ export interface VehiclePart {
   name: string;
   budget_pct: number;
   routes: RoutePart[];
-  /** Of its first sortie: metres flown, metres up from the depot, and the ground's, where a raster knows it. */
+  /** Height profile of the first sortie: metres flown, metres above the depot, and the ground's where a raster has it. */
   profile: ([number, number, number | null])[];
 }
 
@@ -747,7 +747,7 @@ export interface RoutePart {
   duration_s: number;
   energy_pct: number;
   visits: VisitPart[];
-  /** Corners of the way, straight between: seconds, latitude, longitude, metres up from the depot, battery in percent. Of days seconds from the first midnight. */
+  /** Corners of the route: seconds (for days, from the first midnight), latitude, longitude, metres above the depot, battery percent. */
   track: [number, number, number, number, number][];
 }
 
@@ -787,7 +787,7 @@ export interface PlaceView {
 /** A span of a route. */
 export interface VisitPart {
   segment: number;
-  /** From its b to its a. */
+  /** Whether it is flown from end b to end a. */
   reversed: boolean;
   from_s: number;
   to_s: number;
