@@ -1,1 +1,1 @@
-"""What a flight was: its record read back, the report, the pictures."""
+"""Read the record of a flight back; write its report and pictures."""

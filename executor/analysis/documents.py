@@ -34,10 +34,10 @@ class FaultRow(Document):
     vehicle: str
     kind: FaultKind
     code: FaultCode | None = None
-    """None in what was written before there were codes."""
+    """None in documents older than the codes."""
     reason: str
     happened_s: Hundredths | None
-    """Where a simulator knows it."""
+    """Time of the injected fault; known in simulation only."""
     detected_s: Hundredths
 
 
@@ -45,30 +45,30 @@ class ReplanRow(Document):
     """A re-plan."""
 
     revision: Whole
-    """Of the plan that it brought: plan-001.json is 1."""
+    """Revision of the new plan: plan-001.json is 1."""
     trigger: str
-    """What it was needed for."""
+    """Reason for the re-plan."""
     feasible: YesNo
-    """Whether every segment that was open is covered."""
+    """Whether the re-plan covers every open segment."""
     solve_s: Thousandths
-    """In real time."""
+    """Real seconds that the solver took."""
     upload_s: Hundredths
     total_s: Hundredths
-    """From the need to the missions verified on board."""
+    """Seconds from the need to the missions verified on board."""
     uncovered: tuple[Whole, ...]
-    """Ids of the segments that nobody can fly; without those that the first plan left over."""
+    """Ids of the segments that no vehicle can fly, without those that the first plan left over."""
     gained: Whole | None = None
-    """How many more segments it covers than what was on board; None if the solver did not say, or has not ended."""
+    """Additional segments over the missions on board; None if the solver did not report it or has not ended."""
     gained_m: Tenths | None = None
-    """How much longer they are together."""
+    """Additional length inspected."""
     taken_up: Whole | None = None
-    """How many more it covers of those that the first plan left over; negative if it gives some of them back."""
+    """Additional segments of those that the first plan left over; negative if it drops some of them."""
     longest_route_s: Tenths | None = None
-    """Each from where its vehicle becomes free."""
+    """Longest new route, each from where its vehicle becomes free."""
     carried_route_s: Tenths | None = None
-    """The longest of what was on board, as far as the budgets last."""
+    """Longest route of the missions on board, as far as the budgets last."""
     over_budget: tuple[str, ...] = ()
-    """Vehicles whose budgets do not last for all that they have on board."""
+    """Vehicles whose budget does not last for their mission on board."""
 
 
 class LastFix(Document):
@@ -77,10 +77,10 @@ class LastFix(Document):
     lat_deg: Number
     lon_deg: Number
     alt_rel_m: Number
-    """Over its pad."""
+    """Height above its pad."""
     accuracy_m: Number | None = None
     ground_speed_m_s: Number
-    """There: it has flown on."""
+    """Ground speed at that place; the vehicle has flown on since."""
     at_s: Tenths
 
 
@@ -90,14 +90,14 @@ class LastPosition(Document):
     lat_deg: Number
     lon_deg: Number
     alt_rel_m: Number
-    """Over its pad."""
+    """Height above its pad."""
     at_s: Tenths
     known: str = ""
-    """fix: by GPS. reckoned: GPS was lost before. unsaid: it said nothing of its GPS. Empty in older reports."""
+    """fix: by GPS. reckoned: GPS had been lost. unsaid: the vehicle reported no GPS state. Empty in older reports."""
     accuracy_m: Number | None = None
-    """By so much it may be off; a reckoned one by this or more."""
+    """Position accuracy; a reckoned position may be off by more."""
     last_fix: LastFix | None = None
-    """Of one that is reckoned: where to look for it."""
+    """Last GPS fix before a reckoned position: where to search."""
 
 
 class LinkRow(Document):
@@ -113,25 +113,25 @@ class VehicleRow(Document):
 
     name: str
     segments: tuple[Whole, ...]
-    """Ids of what it inspected."""
+    """Ids of the segments that it inspected."""
     energy_used_pct: Tenths
     landed: YesNo
-    """Whether it stands on its pad."""
+    """Whether it has landed on its pad."""
     min_reserve_pct: Number | None
-    """The lowest battery that was seen."""
+    """Lowest battery level reported."""
     state: str = ""
-    """In one word, as the page has it."""
+    """State in one word, as on the page."""
     last_position: LastPosition | None = None
     frames_received: Whole | None = None
-    """Of MAVLink, from this vehicle."""
+    """MAVLink frames received from this vehicle."""
     frames_missing: Whole | None = None
-    """Lost on the way, by their sequence numbers."""
+    """Frames lost on the link, by sequence numbers."""
     frames_foreign: Whole | None = None
-    """On its connection, of nobody's vehicle."""
+    """Frames on its connection that belong to no vehicle of the fleet."""
     frames_refused: dict[str, Whole] | None = None
-    """Not believed, by the reason."""
+    """Rejected frames, by reason."""
     links: tuple[LinkRow, ...] = ()
-    """The same of each link, where it has several."""
+    """The same counts for each link of a vehicle with several."""
     type: str | None = None
     autopilot: str | None = None
     firmware: str | None = None
@@ -142,9 +142,9 @@ class CheckRow(Document):
 
     severity: Severity
     code: CheckCode | None = None
-    """None in what was written before there were codes."""
+    """None in documents older than the codes."""
     subject: str
-    """A vehicle, or what else it is about."""
+    """Subject of the check: a vehicle, or another subject."""
     text: str
 
 
@@ -156,42 +156,42 @@ class ParameterRow(Document):
     old: Number
     new: Number
     restored: YesNo
-    """Whether it was given back."""
+    """Whether the old value was restored."""
 
 
 class TerrainPart(Document):
     """The raster that knew the ground, in metres."""
 
     source: str
-    """Its name."""
+    """Name of the terrain source."""
     digest: str
-    """Of what was read of it."""
+    """Digest of the data that was read."""
     vertical: str
-    """What its heights were counted from."""
+    """Vertical reference of its heights."""
     uncertainty_m: Number
-    """Nine of ten heights are nearer than this to the truth."""
+    """Error that 90 % of the heights stay within."""
     margin_m: Number
-    """That every leg keeps beside that."""
+    """Margin that every leg keeps above that error."""
     most_raised_m: Number
-    """How much higher than asked a pylon is passed, for the ground beside it."""
+    """Largest increase of a pylon's passing height because of nearby ground."""
 
 
 class HeightsPart(Document):
     """The heights that were flown, in metres."""
 
     over: str
-    """What they are counted from."""
+    """Reference of the heights."""
     flat: YesNo
-    """Whether the ground is taken to be flat."""
+    """Whether the ground is assumed to be flat."""
     least_over_tops_m: Number | None
-    """Over pylon tops."""
+    """Least height above pylon tops."""
     least_over_ground_m: Number | None
     most_over_ground_m: Number | None
     return_over_ground_m: Number
-    """The highest of the vehicles' own returns."""
+    """Height above ground of the highest RTL."""
     ceiling_m: Number
     terrain: Annotated[TerrainPart | None, Field(exclude_if=is_none)] = None
-    """Where a raster knew the ground."""
+    """Terrain data, where a raster covers the ground."""
 
 
 class AbsenceRow(Document):
@@ -206,20 +206,20 @@ class RadioRow(Document):
     """What a telemetry radio carried, from the order to take off on."""
 
     vehicles: tuple[str, ...]
-    """That were behind it."""
+    """Vehicles on this radio."""
     bytes_s: Number
-    """In the mean, both ways."""
+    """Mean throughput, both directions."""
     most_bytes_s: Number
     capacity_bytes_s: Number
-    """What it carries, as the site says or as is supposed."""
+    """Capacity, from the site file or assumed."""
     round_trip_s: Number | None = None
-    """The longest that was measured."""
+    """Longest measured round trip."""
     lost: Number
-    """Share of frames, in the mean."""
+    """Mean share of frames lost."""
     congested_s: Tenths
     weak_s: Tenths
     positions_hz: Number
-    """How often its vehicles were asked to say where they are, where streams were thinned most."""
+    """Lowest position rate that was requested while streams were thinned."""
 
 
 class InspectionRow(Document):
@@ -229,11 +229,11 @@ class InspectionRow(Document):
     name: str = ""
     vehicle: str
     inspected_at_m: Annotated[Number | None, Field(exclude_if=is_none)] = None
-    """How high over the pylon tops, or the depot's ground, by its mission, where vehicles leave their layers."""
+    """Inspection height above pylon tops, or above the depot's ground, where vehicles leave their layers."""
     speed_mean_m_s: Hundredths
     speed_max_m_s: Hundredths | None
     deviation_mean_m: Hundredths
-    """From the planned track."""
+    """Mean deviation from the planned track."""
     deviation_max_m: Hundredths
 
 
@@ -253,35 +253,35 @@ class SeenRow(Document):
     name: str
     camera: str
     take: str
-    """pictures, video, or how many viewpoints."""
+    """Kind: pictures, video, or the number of viewpoints."""
     state: str
-    """seen, not seen or not flown."""
+    """State: seen, not seen, or not flown."""
     vehicle: str
-    """Who has seen it; empty if nobody has."""
+    """Vehicle that has seen it; empty if none."""
     inspected_at_m: Annotated[Number | None, Field(exclude_if=is_none)] = None
-    """As of an inspection: how high over the pylon tops, where vehicles leave their layers; more is from above."""
+    """Height above pylon tops where vehicles leave their layers; if higher, it was seen from above."""
     pictures: Whole
-    """How many count."""
+    """Number of pictures that count."""
     missing: str
-    """What no picture shows, in words."""
+    """Description of what no picture shows."""
 
 
 class LegRow(Document):
     """A leg of a mission, from one waypoint to the next with the hold there, as planned and as flown."""
 
     waypoint: Whole
-    """The one at its end, from 0."""
+    """Waypoint at the end of the leg, from 0."""
     phase: str
-    """What it is for: takeoff, transit, inspect, return or land."""
+    """Phase: takeoff, transit, inspect, return or land."""
     segment: Whole | None = None
-    """Id of the segment that is inspected, or flown to."""
+    """Id of the segment being inspected or approached."""
     planned_s: Tenths
     flown_s: Tenths | None
-    """None where its begin or its end was not heard."""
+    """Flown duration; None if its start or end was not received."""
     planned_pct: Thousandths
-    """Of a full battery."""
+    """Planned energy, in percent of a full battery."""
     flown_pct: Thousandths | None
-    """By what the battery reported; None where that is not known."""
+    """Energy by the battery's report; None if unknown."""
 
 
 class RouteRow(Document):
@@ -289,17 +289,17 @@ class RouteRow(Document):
 
     vehicle: str
     revision: Whole
-    """Of the mission on board; the legs of one that a re-plan continued are those up to the change."""
+    """Revision of the mission on board. Legs of a mission that a re-plan continued end at the change."""
     whole: YesNo
-    """Whether it is a whole flight, from take-off to landing."""
+    """Whether it is a complete flight from take-off to landing."""
     began_s: Tenths
     ended_s: Tenths
     planned_s: Tenths
     flown_s: Tenths
     time_error_pct: Number | None
-    """By how much more was flown than planned, in percent of what was planned."""
+    """Excess of flown over planned time, in percent of the plan."""
     planned_pct: Hundredths
-    """Of a full battery."""
+    """Planned energy, in percent of a full battery."""
     flown_pct: Hundredths | None
     energy_error_pct: Number | None
     legs: tuple[LegRow, ...]
@@ -310,23 +310,23 @@ class SortieRow(Document):
 
     vehicle: str
     number: Whole
-    """Of this vehicle's, from 1."""
+    """Number among this vehicle's sorties, from 1."""
     pack: str
-    """The id of its pack, as the crew said; empty if nobody did."""
+    """Id of its battery pack as entered by the crew; empty if none was."""
     began_s: Tenths
     ended_s: Tenths | None
-    """None where it did not land."""
+    """Landing time; None if it did not land."""
     began_pct: Number | None
-    """By its own report."""
+    """Battery level at the start, as reported."""
     ended_pct: Number | None
     rest_v: Number | None
-    """Of the pack at rest, before it."""
+    """Voltage of the pack at rest before the sortie."""
     segments: tuple[Whole, ...]
-    """Ids of what it inspected."""
+    """Ids of the segments that it inspected."""
     base: Annotated[str, Field(exclude_if=not_)] = ""
-    """Where it began, on a day whose sorties end at other bases."""
+    """Base of take-off, on days whose sorties end at other bases."""
     lands: Annotated[str, Field(exclude_if=not_)] = ""
-    """The base where it ended, or was to end."""
+    """Base of landing, flown or planned."""
 
 
 class EarlierRow(Document):
@@ -335,22 +335,22 @@ class EarlierRow(Document):
     run: str
     """Name of its run directory."""
     segments: tuple[Whole, ...]
-    """Ids of what it inspected."""
+    """Ids of the segments that it inspected."""
     sorties: Whole
     duration_s: Number
     faults: tuple[str, ...]
-    """Vehicles that were at fault."""
+    """Vehicles with a declared fault."""
     day_plan: Annotated[str, Field(exclude_if=not_)] = ""
-    """Names the plan of days whose sorties it flew."""
+    """Id of the day plan whose sorties it flew."""
     day: Annotated[Whole, Field(exclude_if=not_)] = 0
-    """Which day of that plan, from 1."""
+    """Day of that plan, from 1."""
 
 
 class UnreachableRow(Document):
     """A segment that no flight could inspect."""
 
     segment: Whole
-    """Its id, which is among `segments_uncovered`."""
+    """Segment id, one of `segments_uncovered`."""
     name: str
     why: str
 
@@ -362,46 +362,46 @@ class FlightReport(Document):
     segments_total: Whole
     segments_inspected: Whole
     segments_uncovered: tuple[Whole, ...]
-    """Ids of the segments left over."""
+    """Ids of the segments that were not inspected."""
     uncovered_names: tuple[str, ...] = ()
-    """The same by the names of the assets."""
+    """Asset names of these segments."""
     left_over: tuple[Whole, ...] = ()
-    """Ids of those of them that the first plan left for the next sortie."""
+    """Ids of those that the first plan left for the next sortie."""
     unreachable: tuple[UnreachableRow, ...] = ()
-    """Those of them that lie in an area or behind one."""
+    """Those that lie in or behind a no-fly area."""
     segment_names: dict[str, str] = Field(default={})
-    """Every segment's name by its id."""
+    """Names of all segments by id."""
     finished: YesNo
-    """Whether everything was inspected."""
+    """Whether every segment was inspected."""
     duration_s: Tenths
-    """To the end of the supervision."""
+    """Seconds to the end of supervision."""
     faults: tuple[FaultRow, ...]
     replans: tuple[ReplanRow, ...]
     vehicles: tuple[VehicleRow, ...]
     checks: tuple[CheckRow, ...] = ()
-    """The checklist, as before the take-off."""
+    """Checklist before take-off."""
     parameters: tuple[ParameterRow, ...] = ()
     heights: HeightsPart | None = None
     absences: tuple[AbsenceRow, ...] = ()
-    """Times in which the ground station itself was away."""
+    """Periods in which the ground station was down."""
     radios: Annotated[tuple[RadioRow, ...], Field(exclude_if=not_)] = ()
-    """Telemetry radios, where there were any."""
+    """Telemetry radios, if any."""
     seen: tuple[SeenRow, ...] = ()
-    """What assets asked of cameras."""
+    """Camera coverage that assets asked for."""
     inferred: tuple[Whole, ...] = ()
-    """Ids of segments that count by evidence, not by positions, after an absence."""
+    """Ids of segments that count by other evidence than positions, after the ground station was down."""
     min_separation_m: Hundredths | None
-    """The least distance of any two flying vehicles that was measured."""
+    """Least measured distance between two flying vehicles."""
     inspection_speed_m_s: Number | None = None
-    """That was asked for."""
+    """Requested inspection speed."""
     inspections: tuple[InspectionRow, ...] = ()
     not_counted: tuple[NotCountedRow, ...] = ()
     routes: tuple[RouteRow, ...] = ()
-    """Planned beside flown, for each mission and each of its legs."""
+    """Planned and flown values of each mission and leg."""
     sorties: Annotated[tuple[SortieRow, ...], Field(exclude_if=not_)] = ()
-    """In the order of their take-offs, where packs were changed, or a day of several was flown."""
+    """Sorties in order of take-off, if packs were changed or a day was flown."""
     earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=not_)] = ()
-    """Flights before this one, which flies what they left; the first one first."""
+    """Earlier flights whose remainder this one flies, oldest first."""
 
 
 class PadPart(Document):
@@ -410,7 +410,7 @@ class PadPart(Document):
     east_m: Number
     north_m: Number
     alt_m: Number
-    """Above mean sea level."""
+    """Altitude above mean sea level."""
 
 
 class AskedVehicle(Document):
@@ -423,16 +423,16 @@ class AskedVehicle(Document):
     firmware: str | None = None
     remaining_pct: Number | None = None
     link_timeout_s: Number | None = None
-    """How long it may be silent before it is declared lost."""
+    """Silence after which it is declared lost."""
     pad: PadPart | None = None
-    """None in an older directory: the pads are those that the site gives."""
+    """Surveyed pad; None in older run directories, where the site's pads hold."""
     gps_fix: Whole | None = None
-    """GPS_FIX_TYPE that its pad was known by; None where it did not say."""
+    """GPS_FIX_TYPE of the pad's position; None if not reported."""
     gps_accuracy_m: Number | None = None
-    """By so much that may be off, by its receiver's word."""
+    """Accuracy of that position, as reported by the receiver."""
     parameters: dict[str, Number] = Field(default={})
     stations: tuple[tuple[Whole, Whole], ...] = ()
-    """System and component of the ground stations that were heard on its connection."""
+    """System and component of ground stations heard on its connection."""
 
 
 class AskedVehicles(Document):
@@ -441,11 +441,11 @@ class AskedVehicles(Document):
     format: Literal["faultline-vehicles/1"] = "faultline-vehicles/1"
     vehicles: tuple[AskedVehicle, ...]
     checks: tuple[CheckRow, ...] = ()
-    """The checklist."""
+    """Checklist."""
     earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=not_)] = ()
-    """Flights whose rest is flown."""
+    """Earlier flights whose remainder is flown."""
     counts_packs: Annotated[YesNo, Field(exclude_if=not_)] = False
-    """Whether the packs of the bases are counted in flight; never in an older directory."""
+    """Whether the packs at the bases are counted in flight; false in older run directories."""
 
 
 def read_report(run: Path) -> FlightReport:

@@ -1,4 +1,4 @@
-"""What a flight was, as plain data, read from its run directory. All times are seconds since the launch."""
+"""Read a flight from its run directory as plain data. All times are seconds since the launch."""
 
 from __future__ import annotations
 
@@ -35,15 +35,16 @@ Place = tuple[float, float]
 """Local east and north in metres."""
 
 SWAP_PCT = 20.0
-"""A percentage that rises by more than this is a restart or another pack, not a charge in flight."""
+"""Rise of the battery level that means a restart or another pack."""
 GAP_S = 5.0
-"""Where nothing was heard for longer than this, no track is drawn."""
+"""Longest silence across which a track is drawn."""
 JOIN_M = 10.0
-"""A vehicle that came as near as this to where its new route starts has begun it."""
+"""Distance to the start of a new route within which a vehicle has begun it."""
 OFF_GROUND_M = 1.0
-"""Higher than this over its pad a vehicle has taken off."""
+"""Height above its pad from which a vehicle has taken off."""
 OVERTAKEN_S = 60.0
-"""A position older than the one before it by less than this was overtaken on the way; by more, the clock restarted."""
+"""A position older than its predecessor by less than this arrived out of order; by more, the vehicle's clock
+restarted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +55,11 @@ class SegmentRecord:
     a_m: Place
     b_m: Place
     inspected_by: str | None
-    """None if it was left over."""
+    """None if it was not inspected."""
     inspected_s: float | None
-    """None if it was left over, or if the positions that are on record do not show it."""
+    """None if it was not inspected, or if no recorded positions show it."""
     name: str = ""
-    """What its asset is called; empty where nobody said."""
+    """Name of the asset; empty if it has none."""
 
     @property
     def display_name(self) -> str:
@@ -72,20 +73,20 @@ class VehicleRecord:
 
     name: str
     layer: int
-    """0 is the lowest."""
+    """Height layer; 0 is the lowest."""
     pad_m: Place
     budget_pct: float
     reserve_pct: float
     track: FloatArray
     """(n, 4) float64: seconds, east, north, and height over its own home in metres."""
     battery: FloatArray
-    """(m, 2) float64: seconds, and percent that remain."""
+    """(m, 2) float64: seconds, and remaining percent."""
     fault: FaultRow | None
-    """The last that was declared."""
+    """Last declared fault."""
     sea_m: FloatArray
-    """(n,) float64: height of each of the track's places above mean sea level, as the vehicle said it."""
+    """(n,) float64: altitude of each track point above mean sea level, as reported."""
     reckoned: npt.NDArray[np.bool_]
-    """(n,) bool: whether each of them came while GPS was lost."""
+    """(n,) bool: whether GPS was lost at each track point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +96,11 @@ class PlannedRoute:
     vehicle: str
     segments: tuple[int, ...]
     way_m: tuple[Place, ...]
-    """Where it starts, both ends of every segment in the order of flight, and the depot."""
+    """Start, both ends of every segment in order of flight, and the depot."""
     energy: tuple[tuple[float, float], ...]
     """(seconds, percent used since the launch) at the start, at the end of every segment, and at the depot."""
     turns_m: tuple[tuple[Place, ...], ...] = ()
-    """Where there are areas: the corners of each leg that is no inspection."""
+    """Corners of each transit leg, where there are no-fly areas."""
 
     @property
     def places_m(self) -> FloatArray:
@@ -113,9 +114,9 @@ class PlanRevision:
 
     number: int
     decided_s: float
-    """When it was there; 0 for the first plan."""
+    """Time at which the solver returned it; 0 for the first plan."""
     routes: tuple[PlannedRoute, ...]
-    """Of the vehicles that had something to fly."""
+    """Routes of the vehicles with something to fly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,17 +134,17 @@ class FlightRecord:
 
     segments: tuple[SegmentRecord, ...]
     vehicles: tuple[VehicleRecord, ...]
-    """From the lowest layer to the highest."""
+    """Vehicles from the lowest layer to the highest."""
     revisions: tuple[PlanRevision, ...]
-    """The first plan first."""
+    """Plan revisions, oldest first."""
     decisions: tuple[DecisionLine, ...]
     duration_s: float
     launched_unix_s: float
-    """Seconds since 1970 at the launch; later times are the flight's, which in a simulation may pass faster."""
+    """Unix time of the launch; later times are flight time, which may run faster in simulation."""
     areas: tuple[Area, ...] = ()
-    """That flights kept out of."""
+    """No-fly areas."""
     never: tuple[tuple[str, str], ...] = ()
-    """Names of segments that lie in an area or behind one, and why they could not be inspected."""
+    """Names of segments in or behind an area, and why they could not be inspected."""
 
     @property
     def losses(self) -> tuple[tuple[VehicleRecord, FaultRow], ...]:
@@ -317,7 +318,7 @@ class _VehicleMessages:
     """What one vehicle said, in the order of arrival and in seconds since the launch."""
 
     positions: list[tuple[float, ...]] = field(default_factory=list)
-    """Of each: seconds, east, north, height over home, height above mean sea level, and whether GPS was lost."""
+    """Seconds, east, north, height above home, altitude above mean sea level, and whether GPS was lost."""
     samples: list[tuple[float, PositionSample]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     status: list[tuple[float, float]] = field(default_factory=list)
@@ -356,14 +357,14 @@ class _Log:
     """What a record takes from the event log."""
 
     launched_s: float
-    """In the ground station's time; all others are since then."""
+    """Launch on the ground station's clock; all other times count from it."""
     heard: dict[str, _VehicleMessages]
     solved_s: dict[int, float]
-    """When each re-plan was found."""
+    """Time at which each re-plan was found."""
     solving_s: dict[int, float]
-    """When its solver began, at the latest."""
+    """Latest time at which each solver began."""
     uploaded: dict[tuple[int, str], tuple[float, bool]]
-    """When the upload of a revision to a vehicle ended, and whether it is on board."""
+    """End of the upload of each revision to each vehicle, and whether it is on board."""
 
 
 def read_run(run: Path) -> FlightRecord:

@@ -1,4 +1,4 @@
-"""A flight from the side: how high it is over the way flown, and the ground below, where a raster knows it."""
+"""Compute a flight's height profile: height over distance flown, and the ground below where a raster covers it."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ class HeightProfile:
 
     vehicle: str
     along_m: FloatArray
-    """(m,) float64: how far was flown over the ground, ascending."""
+    """(m,) float64: distance flown over the ground, ascending."""
     flown_m: FloatArray
-    """(m,) float64."""
+    """(m,) float64: height flown."""
     inspecting: FloatArray
     """(m,) float64: 1 on inspections, 0 elsewhere."""
     ground_m: FloatArray
-    """(m,) float64: of the raster; not a number where nobody knows."""
+    """(m,) float64: ground height from the raster; NaN where unknown."""
     most_m: FloatArray
-    """(m,) float64: of the highest cells around, and the raster's uncertainty."""
+    """(m,) float64: highest cells nearby, plus the raster's uncertainty."""
     least_m: FloatArray
-    """(m,) float64: what every leg must be above: the margin over that."""
+    """(m,) float64: least height of a leg: that plus the margin."""
     return_m: float
-    """The height at which it comes home by itself."""
+    """RTL height."""
     waypoints_m: FloatArray
-    """(w, 2) float64: how far along, and how high."""
+    """(w, 2) float64: distance flown, and height."""
 
     @property
     def lowest_point(self) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""What a flight came to, as report.json says it, planned beside flown. All times are seconds since the launch."""
+"""Build report.json from a flight: results, and planned against flown. All times are seconds since the launch."""
 
 from __future__ import annotations
 
@@ -111,9 +111,9 @@ class InjectedFault:
 
     vehicle: str
     kind: str
-    """link, battery, fence or interruption."""
+    """Kind: link, battery, fence or interruption."""
     at_s: float
-    """In the ground station's time."""
+    """Time on the ground station's clock."""
 
 
 NOTHING_SAID = documents.AskedVehicles(vehicles=())

@@ -1,4 +1,4 @@
-"""What the map of a report shows: report.js draws it by the map that the pages have."""
+"""Build the map data of a report; report.js draws it with the pages' map component."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from missions.geo import FloatArray
 from missions.no_fly_areas import AreaKind
 
 STEP_M = 3.0
-"""A track's next point is this far from the last one."""
+"""Distance between two points of a track."""
 APART_M = 10.0
-"""A vehicle that was heard last as near as this to where it was lost is there once."""
+"""Distance below which the last position and the place of the loss are drawn as one."""
 LOOKS = (
     ("inferred", "inferred", "l-done l-inferred"),
     ("missed", "missed", "l-missed"),
@@ -36,7 +36,7 @@ LOOKS = (
     ("left-out", "left out", "l-out"),
     ("unreachable", "out of reach", "l-barred"),
 )
-"""Of each state beside `done`: its words, and the class of its line in the legend."""
+"""States other than `done`: text, and class of the line in the legend."""
 
 
 class ReportSegment(TypedDict):
@@ -45,22 +45,22 @@ class ReportSegment(TypedDict):
     name: str
     ends_m: tuple[Place, Place]
     state: str
-    """As the map has them: done, inferred, missed, left-over, left-out or unreachable."""
+    """State on the map: done, inferred, missed, left-over, left-out or unreachable."""
     by: str | None
-    """Who inspected it."""
+    """Vehicle that inspected it."""
     at: str
-    """When that was; empty where it is not known."""
+    """Time of the inspection; empty if unknown."""
     planned: str | None
-    """Whose it was by the first plan."""
+    """Vehicle that had it in the first plan."""
     taken_over: bool
-    """Whether a vehicle that was lost had left it."""
+    """Whether it was taken over from a lost vehicle."""
 
 
 class ReportLoss(TypedDict):
     """A vehicle that was lost."""
 
     place_m: Place
-    """Where it was by GPS last."""
+    """Last GPS position."""
     at: str
     why: str
 
@@ -69,7 +69,7 @@ class ReportEnd(TypedDict):
     """A vehicle that is not at home."""
 
     place_m: Place
-    """Where it was heard last."""
+    """Last reported position."""
     state: str
 
 
@@ -79,7 +79,7 @@ class ReportVehicle(TypedDict):
     name: str
     pad_m: Place
     flown_m: list[list[Place]]
-    """Its track in pieces: nothing was heard between them."""
+    """Track in pieces, split where nothing was received."""
     lost: ReportLoss | None
     end: ReportEnd | None
 
@@ -102,7 +102,7 @@ class ReportPlace(TypedDict):
     """Where vehicles may land beside their pads."""
 
     kind: str
-    """base or alternate."""
+    """Kind: base or alternate."""
     name: str
     place_m: Place
 

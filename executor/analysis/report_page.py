@@ -28,7 +28,7 @@ PICTURES = {
     "profile.png": "The first plan from the side, over the ground of the raster",
     "battery.png": "Battery consumption over time, planned and measured",
 }
-"""Files beside the page, and what they show."""
+"""Pictures beside the page, with their captions."""
 
 
 def write_report_page(

@@ -1,1 +1,1 @@
-"""One flight, from the checklist to its report; what takes it up again, and what goes on beside it."""
+"""Run one flight, from checklist to report; resume it, and publish it."""

@@ -49,7 +49,7 @@ from planner import Plan, Route, segment_of
 FORMAT: Literal["faultline-checkpoint/2"] = "faultline-checkpoint/2"
 
 Planned = tuple[Solve, SolveEnded]
-"""A problem and its answer."""
+"""A planning problem and its answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +57,17 @@ class InheritedRecord:
     """What an earlier process leaves to the one that takes its flight up."""
 
     unkept: tuple[Planned, ...] = ()
-    """Plans that it found, and that may be in no file."""
+    """Plans found that may not be in a file yet."""
     solve: Solve | None = None
-    """The last that was to be solved."""
+    """Last planning problem."""
     set_s: float = 0.0
-    """By how much the computer's time of day was set in the flight so far."""
+    """Sum of the steps of the computer's clock during the flight."""
     checkpoint: str = ""
-    """The file that the flight was taken up from."""
+    """Checkpoint file that the flight was resumed from."""
 
 
 NOTHING_LEFT = InheritedRecord()
-"""Of a flight that begins."""
+"""Record of a flight that starts anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +85,9 @@ class FoundCheckpoint:
 
     checkpoint: Checkpoint | None
     name: str
-    """Its file; empty without one."""
+    """File name of the checkpoint; empty if there is none."""
     notes: tuple[str, ...]
-    """Why a newer one, or any, is not used."""
+    """Reasons why newer checkpoints were not used."""
 
 
 class _Part(BaseModel):
@@ -99,7 +99,7 @@ class _Part(BaseModel):
 class _Head(_Part):
     format: Literal["faultline-checkpoint/2"]
     program: str
-    """Which wrote it: another one may know another state, or decide otherwise."""
+    """Program version that wrote it; another version may hold another state or decide differently."""
     plan: str
     """Digest of the first plan."""
     place: LogPlace
@@ -109,7 +109,7 @@ class _Head(_Part):
 
 class _Fleet(_Part):
     state: FleetState
-    """Without the vehicles, which have a line each."""
+    """State without vehicles; each vehicle has its own line."""
     legacy: InheritedRecord
 
 
@@ -222,9 +222,9 @@ def _describe_error(error: Exception) -> str:
 
 
 EVERY_S = 30.0
-"""Of the flight: what follows a checkpoint is read in less than a second, for six vehicles in a quarter of one."""
+"""Flight seconds between checkpoints; replaying that much takes under a second, a quarter for six vehicles."""
 EVERY_REAL_S = 5.0
-"""A simulation that is fast writes no more of them than this."""
+"""Least real seconds between checkpoints of a fast simulation."""
 
 
 class Checkpointer:
@@ -298,10 +298,10 @@ class Checkpointer:
 
 
 CLOCK_SET_S = 2.0
-"""Smaller steps are drift or NTP corrections."""
+"""Smallest clock step to record; smaller ones are drift or NTP corrections."""
 
 SETTLE_S = 60.0
-"""Real seconds that the plans may take to be kept at the end of a flight."""
+"""Real seconds to wait at the end of a flight for plans to be written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,15 +312,15 @@ class FlightSession:
     console: Console
     context: Context
     state: FleetState
-    """Before the launch, or when the ground station went away."""
+    """State before the launch, or when the ground station went down."""
     links: Mapping[str, OpenLink]
     clock: SystemClock
     log: EventLog
     solver: SolverProcess
     said: Callable[[], AskedVehicles]
-    """What was known before the flight, with what was found until now."""
+    """Vehicle data from before the flight, with findings so far."""
     legacy: InheritedRecord = NOTHING_LEFT
-    """What the process before this one left."""
+    """Record that the previous process left."""
 
 
 class FlightRecorder:
@@ -332,13 +332,13 @@ class FlightRecorder:
         self._solve = seat.legacy.solve
         self._set_s = seat.clock.clock_step_s()
         self._noted_set_s = seat.legacy.set_s
-        """What the log's notes come to."""
+        """Sum of the clock steps noted in the log."""
         self._launched_s: float | None = None
         self._state: FleetState | None = None
         self._unkept = list(seat.legacy.unkept)
-        """Plans that were found, and wait to be kept."""
+        """Plans waiting to be written."""
         self._in_no_file = list(seat.legacy.unkept)
-        """Those, and what is just being kept."""
+        """Plans waiting to be written or being written."""
         self._keeping: set[asyncio.Task[None]] = set()
         self._checkpoints = Checkpointer(
             seat.request.run, seat.log, seat.clock.speedup, self._warn, seat.legacy.checkpoint

@@ -16,7 +16,7 @@ from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, PlanFileError, read_plan
 
 PLAN_S = 2.0
-"""Of the solver; the crew can have more with `faultline plan --after`."""
+"""Solver time; for more, the crew uses `faultline plan --after`."""
 
 
 def read_segments_left(run: Path, ground: SiteModel) -> tuple[int, ...]:

@@ -36,11 +36,11 @@ from executor.supervised import run_beside
 from missions import dialect_for
 
 CALL_AGAIN_S = 0.2
-"""Real seconds between two attempts to find the fleet: it may begin later, and again."""
+"""Real seconds between two attempts to find the fleet; it may start later, or restart."""
 WINDOW_S = 5.0
-"""Seconds of our time over which it is compared with the computer's."""
+"""Seconds of flight time over which the speed is measured."""
 KEPT = 0.9
-"""Less than this part of the speed is said."""
+"""Share of the requested speed below which the crew is told."""
 
 
 @asynccontextmanager
@@ -167,7 +167,7 @@ def build_forwarder(site: Site, clock: SystemClock) -> Forwarder:
 
 T = TypeVar("T")
 AT_ONCE = 10
-"""Vehicles that are spoken to at the same time: a radio has its limits, and so has a simulator."""
+"""Most vehicles addressed at once; radios and simulators have limits."""
 
 
 async def run_concurrently(works: Iterable[Coroutine[None, None, T]]) -> list[T]:

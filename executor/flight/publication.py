@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 MessageCallback = Callable[[Level, str], None]
 AssetsNow = Callable[[], tuple[AssetView, ...]]
 LEAST_TOKEN = 16
-"""Characters: shorter ones can be guessed."""
+"""Least characters of a token; shorter ones can be guessed."""
 
 
 class Publication:

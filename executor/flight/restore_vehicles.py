@@ -1,4 +1,4 @@
-"""The record of what a flight changed on board, parameters.json and fences.json, and how vehicles get it back."""
+"""Record what a flight changes on board (parameters.json, fences.json), and restore it."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class _ParameterFile(Document):
 
 
 _Parameter = Annotated[Number, BeforeValidator(lambda value: 0.0 if value != value else value)]
-"""PX4 answers NaN for what means nothing in a fence, and JSON has none."""
+"""A fence parameter; PX4 sends NaN for unused ones, which JSON cannot hold."""
 
 
 class _Item(Document):
@@ -142,14 +142,14 @@ def build_parameter_rows(kept: Sequence[KeptParameter]) -> list[ParameterRow]:
 
 
 HEARD_S = 5.0
-"""Without a heartbeat for so long a vehicle does not answer; they come once a second."""
+"""Seconds without a heartbeat after which a vehicle does not answer; heartbeats come once a second."""
 ARMED_S = 3.0
-"""A vehicle that is heard and armed for so long is armed."""
+"""Seconds of armed heartbeats after which a vehicle counts as armed."""
 CALL_S = 1.0
 ROUNDS = 4
-"""Of looking at what is on board, while something is given back."""
+"""Most rounds of reading and restoring."""
 SETTLE_S = 1.0
-"""Between two rounds: what is under way by then, such as a setting that comes twice, has arrived."""
+"""Pause between two rounds, so that everything in transit, such as a repeated setting, has arrived."""
 
 
 @dataclass(slots=True)
@@ -158,7 +158,7 @@ class RestingVehicle:
 
     dialect: Dialect
     heartbeat: Heartbeat | None = None
-    """The last one."""
+    """Last heartbeat."""
 
     def update(self, message: Message) -> None:
         """Take over a heartbeat."""
@@ -222,9 +222,9 @@ class RecordFile(Generic[Change]):
     parse: Callable[[Path], tuple[Change, ...]]
     build_document: Callable[[Iterable[Change]], Document]
     read_board: Callable[[Link, Clock, Mapping[str, Change]], Coroutine[None, None, dict[str, Any]]]
-    """What is on board now, by name, as far as the vehicle says it."""
+    """Read present values by name, as far as the vehicle reports them."""
     put_back: Callable[[Link, Clock, Change], Coroutine[None, None, str]]
-    """Puts on board what was there before; returns why that is not there then, where it is known at once."""
+    """Restore the old value; returns the reason for a failure, if known at once."""
 
     def read(self, run: Path) -> tuple[Change, ...]:
         """Return what is on record of a flight; nothing if it never changed anything.

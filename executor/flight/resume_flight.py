@@ -1,4 +1,4 @@
-"""A flight taken up again from its run directory, after the ground station died, or on another computer."""
+"""Resume a flight from its run directory, after a crash of the ground station or on another computer."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from executor.site.site_model import SiteModel
 from missions import PlanFile
 
 HEAD = b'{"format":"faultline-'
-"""What the first line of a log begins with."""
+"""Start of a log's first line."""
 LAUNCH = b'"LaunchOrdered"'
-"""What stands in the line of a launch; within a text the quotation marks would be escaped."""
+"""Text that only the line of a launch contains; in a message the quotation marks would be escaped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +43,13 @@ class InterruptedRun:
     head: eventlog.LogHeader
     state: FleetState
     last_s: float
-    """The last time that is on record."""
+    """Time of the last recorded event."""
     lines: int
-    """Of the log, as far as they are whole."""
+    """Number of complete lines in the log."""
     notes: tuple[str, ...]
-    """What is wrong with the log, or with its checkpoints."""
+    """Defects of the log or its checkpoints."""
     undone: tuple[Command, ...]
-    """What was decided last, and is not on record as carried out."""
+    """Last decisions without a record that they were carried out."""
     legacy: flight_recorder.InheritedRecord
 
 
@@ -60,11 +60,11 @@ class ResumePlan:
     request: run_start.FlightRequest
     head: eventlog.LogHeader
     found: flight_recorder.FoundCheckpoint
-    """Its checkpoint, if there is a good one."""
+    """Valid checkpoint, if there is one."""
     last_s: float
-    """The last time that is on record."""
+    """Time of the last recorded event."""
     set_s: float
-    """By how much the computer's time of day was set in the flight."""
+    """Sum of the steps of the computer's clock during the flight."""
 
 
 def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:

@@ -1,4 +1,4 @@
-"""Wires the parts together for one flight, holds no rule; and how an operator, or the computer, ends it."""
+"""Wire the parts of one flight together, and end it when the operator or the computer asks; decides nothing."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from missions import build_plan_document
 from missions.fences import Fence
 
 LEAVE_AFTER_S = 5.0
-"""Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
+"""Real seconds after the first Ctrl-C within which a second one still means RTL for all."""
 STAYS = "the vehicles go on with what they do, unless a GCS failsafe that is set on them acts"
 LEFT = f"supervision ends; {STAYS}"
 
@@ -246,11 +246,11 @@ class LaunchPreparation:
     proposal: ParameterProposal
     boards: Mapping[str, OnboardMission | None]
     found: list[Check]
-    """The checklist so far."""
+    """Checklist so far."""
     fences: Mapping[str, Fence]
-    """What is to be put on board."""
+    """Fences to upload."""
     lists: Mapping[str, OnboardLists]
-    """What every vehicle carries beside its mission, where it was asked."""
+    """Fence and rally lists on board each vehicle that was queried."""
 
 
 async def _prepare_launch(seat: FlightSession, flight: Flight, beginning: LaunchPreparation) -> None:

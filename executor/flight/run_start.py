@@ -1,4 +1,4 @@
-"""What a flight begins with: what is flown, where the operator looks, and what its run directory keeps of that."""
+"""Inputs of a flight: plan, consoles, and the documents that its run directory keeps."""
 
 from __future__ import annotations
 
@@ -71,11 +71,11 @@ class MqttSettings:
     broker: BrokerAddress
     rules: IntakeRules
     period_s: float
-    """Of telemetry, in real seconds."""
+    """Telemetry period in real seconds."""
     exposed: bool
     """Whether secrets leave this computer without TLS."""
     clear: bool = False
-    """Whether the broker is to forget in the end what it holds of the flight."""
+    """Whether to clear the flight's retained messages at the end."""
 
 
 def read_mqtt_settings(
@@ -154,21 +154,21 @@ class FlightRequest:
 
     site: Site
     base: Path
-    """The folder that the site file's paths are relative to."""
+    """Folder to which paths in the site file are relative."""
     ground: site_model.SiteModel
     plan: missions.PlanFile
-    """Over all of the ground's segments, for its vehicles."""
+    """Plan over all segments of the site, for its vehicles."""
     run: Path
     truths: Callable[[SystemClock], Sequence[InjectedFault]]
-    """What really happened, asked for at the end; empty without a simulator."""
+    """Injected faults, read at the end; empty without a simulator."""
     mqtt: MqttSettings | None = None
-    """Where it is published."""
+    """MQTT settings, if it is published."""
     below: GroundView | None = None
-    """The ground around the line, where it is read already."""
+    """Ground around the line, if already read."""
     day: missions.DayPlanFile | None = None
-    """The day whose first sorties `plan` is; None for a single flight."""
+    """Day plan whose first sorties `plan` holds; None for a single flight."""
     earlier: tuple[EarlierRow, ...] = ()
-    """Flights whose rest is flown."""
+    """Earlier flights whose remainder is flown."""
 
 
 def write_run_start(request: FlightRequest) -> None:

@@ -1,1 +1,1 @@
-"""Where asyncio lives: tasks, queues and deadlines around the decisions of core."""
+"""Asyncio tasks, queues and deadlines around the decisions of core."""

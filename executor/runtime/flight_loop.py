@@ -49,9 +49,9 @@ ORDERS = {
 }  # fmt: skip
 
 Work = Callable[[], Awaitable[Event]]
-"""Returns what it came to."""
+"""Work that returns its outcome as an event."""
 Failed = Callable[[str], Event]
-"""Returns what it comes to for a reason."""
+"""Returns the event for a failure with this reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +59,13 @@ class Observer:
     """Who wants to know; none of these may wait."""
 
     said: Callable[[commands.Say, float], None]
-    """Called with every line for the operator, at the flight's time."""
+    """Called with every line for the operator, and its flight time."""
     applied: Callable[[Event, FleetState, float], None]
     """Called after every event."""
     decided: Callable[[Command, float], None] = lambda *_: None
     """Called with every command before it is carried out."""
     told: Callable[[commands.Say, float], None] = lambda *_: None
-    """Called with lines for the operator that nobody decided: what is waited for."""
+    """Called with progress lines for the operator, which are no decisions."""
 
 
 @dataclass(eq=False, repr=False)
@@ -84,7 +84,7 @@ class Flight:
     """Vehicles whose present job is an upload."""
     _solving: set[asyncio.Task[None]] = field(default_factory=set)
     _leaves: bool = False
-    """Nothing new is begun: only what would leave a part of a new mission on board is brought to its end."""
+    """Whether the loop is ending: only uploads that would leave half a mission on board are finished."""
     _tasks: asyncio.TaskGroup | None = None
     _over: asyncio.Event = field(default_factory=asyncio.Event)
     _mistakes: set[str] = field(default_factory=set)
@@ -503,9 +503,9 @@ def _fill(once: Iterable[tuple[str, Link]], clock: Clock) -> None:
 
 LEAST_SHARE = 0.5
 FILLER_S = 0.1
-"""Of 26 bytes: 278 of them pass in a second."""
+"""Interval of filler frames of 26 bytes; a link carries 278 a second."""
 EMPTY_PCT = 90
-"""Of the buffer of our radio so much is free: it has nothing else to send."""
+"""Free share of our radio's buffer from which it has nothing else to send."""
 MANY_LOST, COUNTS = 0.04, 8
 
 
@@ -535,9 +535,9 @@ def _shift_of(beats: int) -> float:
 
 
 REST_S = 5.0
-"""Real seconds between two rounds, at least."""
+"""Least real seconds between two rounds."""
 SHARE = 8.0
-"""Times as long as a round took the next one is waited for: the computer is there for the flight."""
+"""Pause before the next round, in durations of the last one, so that the flight keeps the computer."""
 
 
 async def keep_judging(flight: Flight, judge: LossJudge) -> None:

@@ -1,4 +1,4 @@
-"""What the crew is told when orders to a vehicle go over another of its links."""
+"""Tell the crew when commands to a vehicle switch to another of its links."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from executor.core.interface.ports import Link
 from executor.core.lines import link
 
 SAYS_AGAIN_S = 20.0
-"""Of one vehicle; what changed meanwhile is said then, unless it has changed back."""
+"""Seconds between two lines about one vehicle; a change that was reverted meanwhile is not reported."""
 
 
 class LinkChanges:

@@ -36,12 +36,12 @@ from missions import Dialect, EncodedMission, MissionItem, MissionKind, dialect_
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
-"""How often a vehicle that cannot be armed is asked for its reasons."""
+"""Interval of asking a vehicle why it cannot be armed."""
 BANNER_TIMEOUT_S = 3.0
 TELL_S = 1.0
-"""How often it is said what is waited for: a vehicle may give another reason every time."""
+"""Interval of progress lines; a vehicle may give another reason each time."""
 MOST_REASONS = 20
-"""Of those why it cannot be armed the newest are kept."""
+"""Most reasons against arming to keep; the newest."""
 
 
 @dataclass(slots=True)
@@ -58,9 +58,9 @@ class _VehicleAnswers:
     version: messages.Version | None = None
     radio: messages.Radio | None = None
     lost: float | None = None
-    """Share of its frames that did not come."""
+    """Share of its frames that were lost."""
     reasons_s: dict[str, float] = field(default_factory=dict)
-    """Why it cannot be armed, by its own report, and when it said so last."""
+    """Reported reasons against arming, with the time of the last report."""
     strangers: frozenset[ForeignSystem] = frozenset()
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
@@ -447,15 +447,15 @@ def _find_mismatch(context: Context, facts: VehicleFacts) -> str:
 
 
 ONE_REAL_S = 5.0
-"""How long one vehicle that should be heard is waited for; supervision of the others waits meanwhile."""
+"""Real seconds to wait for one expected vehicle; supervision of the others is held up meanwhile."""
 READ_REAL_S = 6.0
 READ_TRIES = 3
-"""How often a mission that may be half of a new one is read: over a bad link one reading may be given up."""
+"""Attempts to read a mission that may be half new; over a bad link one attempt may fail."""
 READ_WAYPOINT_REAL_S = 0.25
-"""How long a mission is read at most, and more for each waypoint that it should have. Who cannot be read in that time
-is taken at its word, as one that refuses; only half of a new mission is worth any time."""
+"""Real seconds per expected waypoint to read a mission. After that the vehicle's own report is believed, unless half of
+a new mission may be on board."""
 STREAMS_REAL_S = 3.0
-"""A vehicle keeps its streams; only one that was restarted needs to be asked again, and the link may be slow."""
+"""Real seconds to wait for streams before they are requested again; only a restarted vehicle needs that."""
 
 
 @dataclass(slots=True)

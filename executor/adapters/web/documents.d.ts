@@ -557,15 +557,15 @@ export interface ReportFrame {
 export interface ReportSegment {
   name: string;
   ends_m: [[number, number], [number, number]];
-  /** As the map has them: done, inferred, missed, left-over, left-out or unreachable. */
+  /** State on the map: done, inferred, missed, left-over, left-out or unreachable. */
   state: string;
-  /** Who inspected it. */
+  /** Vehicle that inspected it. */
   by: string | null;
-  /** When that was; empty where it is not known. */
+  /** Time of the inspection; empty if unknown. */
   at: string;
-  /** Whose it was by the first plan. */
+  /** Vehicle that had it in the first plan. */
   planned: string | null;
-  /** Whether a vehicle that was lost had left it. */
+  /** Whether it was taken over from a lost vehicle. */
   taken_over: boolean;
 }
 
@@ -578,7 +578,7 @@ export interface ReportArea {
 
 /** Where vehicles may land beside their pads. */
 export interface ReportPlace {
-  /** base or alternate. */
+  /** Kind: base or alternate. */
   kind: string;
   name: string;
   place_m: [number, number];
@@ -588,7 +588,7 @@ export interface ReportPlace {
 export interface ReportVehicle {
   name: string;
   pad_m: [number, number];
-  /** Its track in pieces: nothing was heard between them. */
+  /** Track in pieces, split where nothing was received. */
   flown_m: [number, number][][];
   lost: ReportLoss | null;
   end: ReportEnd | null;
@@ -753,7 +753,7 @@ export interface RoutePart {
 
 /** A vehicle that was lost. */
 export interface ReportLoss {
-  /** Where it was by GPS last. */
+  /** Last GPS position. */
   place_m: [number, number];
   at: string;
   why: string;
@@ -761,7 +761,7 @@ export interface ReportLoss {
 
 /** A vehicle that is not at home. */
 export interface ReportEnd {
-  /** Where it was heard last. */
+  /** Last reported position. */
   place_m: [number, number];
   state: string;
 }

@@ -1,4 +1,4 @@
-"""Battery consumption over time: of a flight, planned and measured, and of a plan with the re-plans of its losses."""
+"""Draw battery consumption over time: planned and measured for a flight, with re-plans after losses for a plan."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from planner import Plan, RemainingProblem, ReplanWindow
 from planner.risk import RouteProgress, build_state_before_losses
 
 LEFT, RIGHT = 0.055, 0.815
-"""Edges of the plot as shares of the figure; names of the lines stand to its right, those of moments above."""
+"""Left and right edge of the plot as shares of the figure; line names stand to its right, event names above."""
 PLOT_IN, BELOW_IN, TITLE_IN, MOMENT_IN = 5.0, 1.0, 0.55, 0.2
-"""Heights of the plot, of what is below it, of the title, and of each line of words above the plot."""
+"""Heights of the plot, of the part below it, of the title, and of each line of text above the plot."""
 STRIP_IN = 0.85
-"""The plot's part for the limits, where they lie far above everything that was used."""
+"""Height of the separate strip for limits that lie far above the consumption."""
 FAR = 1.6
-"""Limits higher than so many times what was used get a strip of their own."""
+"""Ratio of limit to consumption above which limits get a separate strip."""
 MARKS = 14
-"""About so many markers on a measured line."""
+"""Approximate number of markers on a measured line."""
 LABEL_STEP = 0.035
-"""Least distance of two names, as a share of the figure's height."""
+"""Least distance between two names, as a share of the figure's height."""
 LEAST_SPAN_PCT = 5.0
 CHARACTER = 0.0085
-"""Width of a letter above the plot, as a share of the plot's width."""
+"""Width of a character above the plot, as a share of the plot's width."""
 TIME_STEPS_S = (5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
-"""Between two times that are written below the picture."""
+"""Possible steps between time labels."""
 MOST_TIMES = 12
 LEGEND_COLUMNS = 6
 LEGEND_ROW_IN = 0.21
@@ -54,7 +54,7 @@ class LineEnd:
 
 
 TimeMark = tuple[float, str, str]
-"""A vertical line: its time, its words above the plot, its colour."""
+"""A vertical line: time, text above the plot, colour."""
 
 
 def draw_battery_figure(record: FlightRecord) -> Figure:
@@ -322,7 +322,7 @@ def _build_legend(record: FlightRecord) -> list[Artist]:
 SHADE = "#f3e3c3"
 
 Repair = tuple[RemainingProblem, Plan]
-"""What a loss leaves, and the plan for it."""
+"""The problem that remains after a loss, and its plan."""
 
 
 def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence[Repair]) -> Figure:
@@ -360,7 +360,7 @@ class _ReplannedLine:
     vehicle: int
     lost: int
     flown: RouteProgress
-    """From when it can follow the re-plan."""
+    """Progress at which the vehicle can follow the re-plan."""
 
 
 def _compute_replanned_lines(content: PlanFile, repair: Repair) -> Iterator[_ReplannedLine]:

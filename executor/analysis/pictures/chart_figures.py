@@ -1,4 +1,4 @@
-"""Plans as charts: trade-offs, the chance of finishing, who flies when on a day, and flights from the side."""
+"""Draw plans as charts: trade-offs, probability of finishing, a day's schedule, and height profiles."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ FRONT_HEIGHT_IN = 7.2
 FRONT_PLOT = (0.07, 0.095, 0.79, 0.79)
 FRONT_BAR = (0.885, 0.095, 0.018, 0.79)
 FRONT_COLOURS = "viridis"
-"""Even in lightness, so also in grey and for the colour-blind."""
+"""Perceptually uniform, so that it works in grey and for the colour-blind."""
 MARKERS = ("X", "s", "^", "D", "v", "P")
-"""Of the plans to compare with; those of the front are round."""
+"""Markers of the plans to compare with; plans of the front are round."""
 DOT_PT = (-6.0, 0.0, 6.0)
-"""About the middle of a point: what its number must not hide."""
+"""Offsets around a point that its number must not cover."""
 
 
 def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFile]) -> Figure:
@@ -92,9 +92,9 @@ def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, floa
 
 RISK_HEIGHT_IN = 6.6
 RISK_PLOT = (0.065, 0.11, 0.665, 0.78)
-"""Left, bottom, width and height as shares of the figure; names of the curves stand to its right."""
+"""Left, bottom, width and height as shares of the figure; curve names stand to its right."""
 CURVE_LABEL_STEP = 0.066
-"""Least distance of two names of two lines each, as a share of the figure's height."""
+"""Least distance between two names of two lines, as a share of the figure's height."""
 
 
 def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figure:
@@ -158,9 +158,9 @@ HEAD_IN = 0.75
 FOOT_IN = 0.6
 GAP_IN = 0.55
 MOST_DAYS = 12
-"""Days that a picture shows; of more it shows the first, and says so."""
+"""Most days in a picture; it names how many it leaves out."""
 NARROW_S = 600.0
-"""A sortie shorter than this has no room for words."""
+"""Shortest sortie with room for a label."""
 
 
 def draw_gantt_figure(content: DayPlanFile) -> Figure:
@@ -223,7 +223,7 @@ LEGEND_IN = 0.9
 GROUND = "#c9bda7"
 UNSURE = "#e6ddcd"
 MOST_PANELS = 12
-"""More vehicles than these are not drawn: the picture would be metres long."""
+"""Most vehicles in a picture; more would make it metres long."""
 
 
 def draw_profile_figure(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Figure:

@@ -1,4 +1,4 @@
-"""The maps as pictures: of a network and of a plan."""
+"""Draw maps of a network and of a plan."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from missions.pricing import DEPOT_M
 FONT_PT = 9.0
 _CHAR_IN, _LINE_IN = 0.62 * FONT_PT / 72.0, 1.9 * FONT_PT / 72.0
 INSPECTING_PT, TRANSIT_PT = 2.8, 0.8
-"""How wide inspections and transits are."""
+"""Line widths of inspections and transits."""
 
 
 def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
@@ -117,11 +117,11 @@ def _build_plan_handles(styles: Mapping[str, VehicleStyle]) -> list[Artist]:
 
 
 NAMED_POLES = 60
-"""Beyond so many, their names hide each other."""
+"""Most poles with names; more would overlap."""
 DOTTED_POLES = 1000
-"""Beyond so many, their dots hide the lines' colours."""
+"""Most poles with dots; more would hide the lines' colours."""
 LETTERS = 24
-"""Of a line's name below the map."""
+"""Most characters of a line's name below the map."""
 
 
 def draw_network_figure(understood: NetworkImport) -> Figure:

@@ -1,4 +1,4 @@
-"""A sheet with a map: its scale, what lies below it, where words go, a title and a legend."""
+"""Lay out a map sheet: scale, background, labels, title and legend."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from missions.readers.background_files import Background, Pixels
 
 DIRECTIONS = 24
 REACHES = (0.7, 1.0, 1.4, 1.9, 2.6, 3.5, 4.6)
-"""How far from what it names a label is tried, in its own widths."""
+"""Distances at which a label is tried, in label widths."""
 COVERED = 40.0
-"""What one covered point weighs, in label heights of distance."""
+"""Cost of one covered point, in label heights of distance."""
 
 
 class LabelPlacer:
@@ -107,11 +107,11 @@ PANEL_TITLE_IN = 0.3
 LEGEND_ROW_IN = 0.21
 LEGEND_COLUMNS = 5
 STRIP_IN = 0.45
-"""Below the map, for scale and north: they cover nothing."""
+"""Height of the strip below the map for scale and north arrow."""
 HEIGHTS_IN = (3.0, 8.0)
-"""The least and the greatest height of the map."""
+"""Least and greatest height of the map."""
 ROOM = 0.07
-"""Around what is drawn, for words."""
+"""Margin around the drawing for labels, as a share."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,10 +122,10 @@ class MapSheet:
     axes: Axes
     m_per_in: float
     low_m: Place
-    """South-western corner of what may hold words; the strip for the scale lies below."""
+    """South-western corner of the area for labels; the scale strip lies below."""
     high_m: Place
     busy: bool = False
-    """Whether the ground is drawn below: what is over it needs an edge."""
+    """Whether a background is drawn; text over it needs an outline."""
 
 
 def make_sheet(shown_m: FloatArray, title: str, name: str, handles: Sequence[Artist]) -> MapSheet:
@@ -228,11 +228,11 @@ def round_length_m(most_m: float) -> float:
 
 
 SHADE = 0.45
-"""How strong the relief is: what is drawn over it must be told from it."""
+"""Strength of the relief shading; lines over it must stand out."""
 VEIL = 0.42
-"""White over a picture of the ground, for the same reason."""
+"""White veil over a background picture, for the same reason."""
 CONTOUR = "#6b5138"
-"""Brown, as on maps; of no vehicle's lightness where it is drawn so thin."""
+"""Brown, as on paper maps; no vehicle's line has this lightness."""
 FAINT_TEXT = "#666666"
 BEHIND = -5.0
 LETTERS_PER_IN = 15.0

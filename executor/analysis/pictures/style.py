@@ -1,4 +1,4 @@
-"""How a vehicle looks in every picture: told apart by hue, by lightness and by dash or marker, so also in grey."""
+"""Style of a vehicle in every picture: distinct hue, lightness, and dash or marker, so that it works in grey."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ COLOURS = (
     "#8a4a1c",  # brown, 38
     "#a3a300",  # olive, 65
 )
-"""In CIE lightness at least 5 apart, those that come first the farthest; no red: that is the loss's."""
+"""At least 5 apart in CIE lightness, the first ones farthest; no red, which marks a loss."""
 MARKERS = ("o", "^", "s", "D", "v", "P", "h")
 DASHES: tuple[Dashes, ...] = (
     (0, (4.0, 1.6)), (0, (1.6, 1.2)), (0, (7.0, 1.6, 1.4, 1.6)), (0, (7.0, 3.0)), (0, (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
     (0, (10.0, 2.0)), (0, (2.6, 2.6)),
 )  # fmt: skip
-"""As many as markers, and no common divisor with the number of colours: 56 vehicles are told apart."""
+"""As many as markers, and coprime to the number of colours: 56 distinct vehicles."""
 
 LOSS = "#c81414"
-"""The red of whatever went wrong."""
+"""Red of everything that went wrong."""
 INK = "#222222"
 FAINT = "#9a9a9a"
-"""The network, and whatever else lies behind."""
+"""Grey of the network and other background."""
 PAPER = "#ffffff"
 DPI = 150
 WIDTH_IN = 12.0
-"""1800 pixels."""
+"""Figure width: 1800 pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class VehicleStyle:
     colour: str
     marker: str
     dashes: Dashes
-    """Of its re-plans; a first plan is solid."""
+    """Dashes of its re-plans; a first plan is solid."""
 
 
 def style_of(layer: int) -> VehicleStyle:
