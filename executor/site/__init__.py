@@ -1,1 +1,1 @@
-"""From the site file to the problem: its tables, the ground, the first plan, its risk."""
+"""Turn a site file into a planning problem: its tables, the ground, the first plan, its risk."""

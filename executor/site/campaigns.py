@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     import distributed  # an extra; whoever flies here does without
 
 CONNECT_S = 5.0
-"""A scheduler or a first worker that is not there after so long is away."""
+"""Seconds to wait for a scheduler or its first worker."""
 
 ProgressCallback = Callable[[int, int], None]
-"""Told how many flights of how many are done."""
+"""Called with the number of flights done, and of all."""
 
 
 CampaignT = TypeVar("CampaignT")
@@ -38,9 +38,9 @@ class CampaignRunner:
     """Flies the parts of a campaign."""
 
     processes: int
-    """On this computer."""
+    """Processes on this computer."""
     client: distributed.Client | None = None
-    """Of a Dask cluster, which flies them instead."""
+    """Client of a Dask cluster to run on instead."""
 
     def __call__(
         self,
@@ -138,9 +138,9 @@ def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[Camp
 
 
 SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Times the given mean time between failures: where a sweep looks."""
+"""Factors on the given mean time between failures that a sweep evaluates."""
 SWEEP_FLIGHTS = 2_000
-"""For each of them: short times mean many losses each, and so many different re-plans."""
+"""Flights per factor; short times cause many losses, each with its own re-plan."""
 SWEEP_CHUNK = 500
 
 

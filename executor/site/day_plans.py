@@ -1,4 +1,4 @@
-"""Days of many sorties: from a site's bases, hours and packs to a plan, and the plan as it is flown."""
+"""Plan days of many sorties from a site's bases, hours and packs, and turn the plan into flights."""
 
 from __future__ import annotations
 
@@ -304,9 +304,9 @@ def _bar_segments(ground: SiteModel, table: DayTable, pricing: Pricing) -> Prici
 
 
 SAME_M_S = 1e-6
-"""Speeds that differ by less are one."""
+"""Difference below which two speeds are equal."""
 _SPEEDS = {"inspection_speed_m_s": "speed_m_s", "transit_speed_m_s": "transit_speed_m_s"}
-"""Of a vehicle's flight model, as sites call them."""
+"""Speeds of a vehicle's flight model, by site key."""
 
 
 def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFile:

@@ -1,4 +1,4 @@
-"""The keys of a site file that say how it is flown: the flight, faults, fences, links, days of many sorties."""
+"""Site-file keys for flying: flight, faults, fences, links, days of many sorties."""
 
 from __future__ import annotations
 
@@ -20,45 +20,46 @@ class FlightTable(SiteTable):
     solve_s: Annotated[float, Field(gt=0, le=60)] = 0.5
     """Time limit of the solver for a re-plan, in real time."""
     connect_timeout_s: Positive = 15.0
-    """Before the flight: how long a vehicle that sends nothing is waited for, in real time."""
+    """Before the flight: real seconds to wait for a vehicle that sends nothing."""
     ready_timeout_s: Positive = 120.0
-    """Before the flight: how long a vehicle may take until it is ready to arm, in the vehicle's time."""
+    """Before the flight: seconds that a vehicle may take to be ready to arm, on its own clock."""
     fly_again: Literal["ask", "never", "auto"] = "ask"
     """Whether a vehicle on the ground takes off for a re-plan, or to fly again what was inspected from a layer: `ask`,
     once the crew says that its pad is clear; `never` after it has landed; `auto`, by itself, for simulation only."""
     offer_s: Positive = 300.0
-    """How long the crew may take to answer such an offer once no vehicle flies any more."""
+    """Seconds that the crew has to answer such an offer once no vehicle flies."""
     pilot_grace_s: Annotated[float, Field(ge=0, le=3600)] = 30.0
-    """How long the segments of a vehicle that its pilot has taken are kept for it."""
+    """Seconds that a vehicle's segments stay reserved for it after its pilot has taken over."""
     pilot_return: Literal["ask", "auto"] = "ask"
-    """When a pilot has put the vehicle back on its mission: `ask` waits for the operator's include, `auto` does not."""
+    """After a pilot has put the vehicle back on its mission: `ask` waits for the operator's `include`, `auto` does
+    not."""
     inferred: Literal["count", "fly"] = "count"
-    """What a vehicle flew while it was not heard, or nobody listened, where its clock, place and mission fit: `count`
-    it, marked as inferred; `fly` it again for proof by positions."""
+    """Segments flown without telemetry, where the vehicle's clock, position and mission fit: `count` them, marked as
+    inferred, or `fly` them again for proof by positions."""
 
 
 MOST_DAYS = 60
-"""Of one plan."""
+"""Most days of one plan."""
 _LIMITS = Limits()
-"""Its figures are the defaults of the site file."""
+"""Source of the site file's defaults."""
 
 
 class FaultsTable(SiteTable):
     """Thresholds for link loss and battery faults."""
 
     link_timeout_s: Positive | None = None
-    """Silence until a vehicle is declared lost. Without it: until its own GCS failsafe has acted, plus a margin.
-    A figure shorter than that time is not taken."""
+    """Silence after which a vehicle is declared lost. Default: the time until its own GCS failsafe acts, plus a margin;
+    shorter values are refused."""
     link_stale_s: Positive = _LIMITS.link_stale_s
-    """Silence until a vehicle's link is called stale: a warning, no fault."""
+    """Silence after which a vehicle's link is stale: a warning, no fault."""
     battery_step_pct: Positive = _LIMITS.battery_step_pct
-    """A loss of this much at once, beyond what the flight costs, is a battery fault."""
+    """Sudden drop of the battery beyond the flight's consumption that is a fault."""
     battery_excess_pct: Positive = _LIMITS.battery_excess_pct
-    """A loss of this much beyond the usual consumption is a battery drain."""
+    """Excess over the usual consumption that is a battery drain."""
     battery_window_s: Positive = _LIMITS.battery_window_s
-    """Time in which an excess of consumption is forgotten but for a third."""
+    """Time constant with which an excess of consumption decays to a third."""
     camera: Literal["home", "on"] = "home"
-    """A vehicle whose camera or gimbal fails flies `home`, or `on` with what it can see without it."""
+    """When a camera or gimbal fails: fly `home`, or fly `on` with what the vehicle can inspect without it."""
 
 
 class FenceTable(SiteTable):
@@ -68,17 +69,16 @@ class FenceTable(SiteTable):
     """
 
     enabled: bool = False
-    """Whether every vehicle is given a fence of its own for the flight; what it had is given back after the landing."""
+    """Whether every vehicle gets its own fence for the flight; its previous fence is restored after landing."""
     margin_m: Annotated[float, Field(ge=5, le=1000, allow_inf_nan=False)] = 20.0
-    """How far the fence is at least from the vehicle's ways, its own straight way home among them."""
+    """Least distance of the fence from the vehicle's routes, its straight RTL included."""
     height_margin_m: Annotated[float, Field(ge=5, le=500, allow_inf_nan=False)] = 10.0
-    """How far the fence ends above all that the vehicle flies by any plan, its RTL among it."""
+    """Margin of the fence's ceiling above every planned height, RTL included."""
     action: Literal["keep", "warn", "hold", "return", "land"] = "keep"
-    """What the vehicle does when it breaches the fence: `keep` leaves its own parameter, any other is set for the
-    flight."""
+    """Action on a fence breach: `keep` leaves the vehicle's parameter, any other value is set for the flight."""
     rally: Literal["pad", "keep"] = "pad"
-    """Where its own RTL may end: `pad`, at its own pad alone, on a day at the nearest of its pads; `keep` leaves the
-    rally points that are on board."""
+    """Where RTL may end: `pad` at its own pad only, on days at the nearest of its pads; `keep` leaves the rally points
+    on board."""
 
     @property
     def gives_rally(self) -> bool:
@@ -90,9 +90,9 @@ class SigningTable(SiteTable):
     """MAVLink 2 message signing: the key is in a file or in the environment, never here."""
 
     key_file: FileName | None = None
-    """File with 64 hexadecimal digits, or a passphrase, whose SHA-256 is the key, as in other ground stations."""
+    """File with 64 hexadecimal digits, or with a passphrase whose SHA-256 is the key, as in other ground stations."""
     key_env: str | None = None
-    """Environment variable that holds the same. Either `key_file` or `key_env` must be there."""
+    """Environment variable with the same content. Exactly one of `key_file` and `key_env` is required."""
 
     @model_validator(mode="after")
     def _check_key_source(self) -> SigningTable:
@@ -114,18 +114,18 @@ class LinkTable(SiteTable):
     """Our own number, other senders, and what the links carry."""
 
     station_sysid: Annotated[int, Field(ge=1, le=255)] = GROUND_STATION[0]
-    """MAVLink system id of faultline itself, one that no vehicle and no other ground station has. 255 is what
-    QGroundControl and Mission Planner use too; ArduPilot's MAV_GCS_SYSID (SYSID_MYGCS) must be the same number."""
+    """MAVLink system id of faultline; no vehicle and no other ground station may have it. QGroundControl and Mission
+    Planner use 255 too. ArduPilot's MAV_GCS_SYSID (SYSID_MYGCS) must be the same number."""
     radios: tuple[RadioTable, ...] | None = None
-    """Radios whose RADIO_STATUS is shown, though radios cannot sign. Without this key all reports are shown on an
-    unsigned flight, and none on a signed one."""
+    """Radios whose RADIO_STATUS is accepted although radios cannot sign. Default: all on an unsigned flight, none on a
+    signed one."""
     bytes_s: Annotated[float, Field(ge=100, le=1e7)] | None = None
-    """What a telemetry radio carries, both ways together, in bytes a second, for each connection: streams are thinned
-    until they fit. Without this key 1200 on serial ports and where a radio reports itself (RADIO_STATUS). Where a
-    vehicle has several links, a serial port among them, it is that of the serial ports."""
+    """Capacity of each telemetry radio, both directions together, in bytes a second; streams are thinned until they
+    fit. Default: 1200 on serial ports and where a radio reports itself (RADIO_STATUS). For a vehicle with several links
+    it applies to the serial ports."""
     one_radio: bool = False
-    """Whether all vehicles are behind one radio though their connections differ, as behind a router: transfers take
-    turns, and the heartbeat is sent once. Of vehicles with several links it is the first."""
+    """Whether all vehicles share one radio although their connections differ, as behind a router: transfers take turns,
+    and the heartbeat is sent once. For vehicles with several links it is the first link."""
 
     @model_validator(mode="after")
     def _check_radios(self) -> LinkTable:
@@ -152,13 +152,15 @@ class ForwardTable(SiteTable):
     """Other ground stations: what vehicles send goes to them, and what they send to the vehicles if that is allowed."""
 
     to: tuple[str, ...] = ()
-    """Where stations are, as `connection` of a vehicle: `udpout://127.0.0.1:14550` calls QGroundControl on this
-    computer, `tcpin://0.0.0.0:5760` waits for stations. Each gets every frame of every vehicle as it came."""
+    """Addresses of other stations, in the form of a vehicle's `connection`: `udpout://127.0.0.1:14550` calls
+    QGroundControl on this computer, `tcpin://0.0.0.0:5760` waits for stations. Each receives every frame of every
+    vehicle unchanged."""
     allow_orders: bool = False
-    """Whether what the stations send goes to the vehicles. Who orders something is named, and not worked against."""
+    """Whether frames from these stations are forwarded to the vehicles. A station that sends a command is named, and
+    faultline does not counteract it."""
     bytes_s: Annotated[float, Field(ge=0, le=1e7)] | None = None
-    """What they may send over each telemetry radio, in bytes a second, with RTCM corrections and Remote ID; the streams
-    of the vehicles get as much less. Without this key a tenth of what the radio carries."""
+    """Bytes a second that stations may send over each telemetry radio, RTCM corrections and Remote ID included; the
+    vehicles' streams are reduced by it. Default: a tenth of the radio's capacity."""
 
     @model_validator(mode="after")
     def _check_ports(self) -> ForwardTable:
@@ -206,16 +208,16 @@ class BaseTable(SiteTable):
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
     """WGS 84."""
     alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
-    """Ground above mean sea level; where [terrain] knows it that of the raster. Without both that of the nearest pylon
-    where it is known, else the depot's."""
+    """Ground above mean sea level. Default: the height in [terrain], else that of the nearest pylon with a known
+    height, else the depot's."""
     vehicles: tuple[str, ...] = ()
-    """Who stands here in the morning, and begins single flights here. Each vehicle stands at one base."""
+    """Vehicles that start the day here, and take off here for single flights. Each vehicle belongs to one base."""
     packs: Annotated[int, Field(ge=0, le=1000)] | None = None
-    """Charged packs in the morning; without it there are always enough."""
+    """Charged packs at the start of the day; default: always enough."""
     turnaround_s: Seconds = 180.0
-    """From a landing here until the vehicle can take off again: the pack is swapped, or charged in the vehicle."""
+    """Time from landing to the next take-off here: the pack is swapped, or charged in the vehicle."""
     recharge_s: Seconds | None = None
-    """From a landing here until the pack is charged again; without it packs are charged overnight alone."""
+    """Time from landing until the pack is charged again; default: packs are charged overnight only."""
 
 
 class RoadTable(SiteTable):
@@ -224,7 +226,7 @@ class RoadTable(SiteTable):
     between: tuple[Name, Name]
     """Two bases."""
     minutes: Annotated[float, Field(ge=0, le=1440, allow_inf_nan=False)]
-    """What it takes, either way."""
+    """Driving time, in either direction."""
 
 
 class QuietTable(SiteTable):
@@ -235,7 +237,7 @@ class QuietTable(SiteTable):
     end: Clock
     """Such as `"14:00"`."""
     vehicles: tuple[str, ...] = ()
-    """Whom it holds for; without it for all."""
+    """Vehicles that it applies to; default: all."""
 
     @model_validator(mode="after")
     def _check_times(self) -> QuietTable:
@@ -250,13 +252,13 @@ class OtherTable(SiteTable):
     name: str
     """The vehicle."""
     speed_m_s: Speed | None = None
-    """Speed along the line, instead of that of [inspection]; such a day is planned and not flown."""
+    """Speed along the line, instead of [inspection]'s; a day with it can be planned but not flown."""
     transit_speed_m_s: Speed | None = None
-    """Speed between segments and bases, instead of that of [inspection]; such a day is planned and not flown."""
+    """Speed between segments and bases, instead of [inspection]'s; a day with it can be planned but not flown."""
     segments: tuple[str, ...] = ()
-    """The only segments that its camera is good for, named as `only` of `[network]` has it; without it all."""
+    """Segments that its camera can inspect, named as in `only` of `[network]`; default: all."""
     spare: bool = False
-    """Nothing is planned for it: it stands at its base, and the crew sends it out with `swap` when it is needed."""
+    """Whether it is a spare without planned sorties: the crew sends it out with `swap` when needed."""
 
 
 class DayTable(SiteTable):
@@ -265,22 +267,22 @@ class DayTable(SiteTable):
     begin: Clock = "08:00"
     """First take-off of a day."""
     end: Clock = "16:00"
-    """Everybody has landed by then."""
+    """Latest landing of a day."""
     days: Annotated[int, Field(ge=1, le=MOST_DAYS)] = 1
-    """Days there are at most."""
+    """Most days."""
     stagger_s: Seconds = 30.0
     """Least time between two take-offs from a base."""
     lands: Literal["own", "any"] = "own"
-    """`any`: a sortie may end at every base, where its vehicle takes off again; `own`: at the vehicle's own alone."""
+    """`own`: sorties end at the vehicle's own base; `any`: at any base, where the vehicle takes off again."""
     road_m_s: Speed | None = None
-    """Speed at which vehicles are driven from base to base over the straight distance; without it, and without roads,
-    they are not. Only with `lands = "any"`."""
+    """Speed at which vehicles are driven between bases, over the straight distance. Without it and without roads they
+    are not driven. Needs `lands = "any"`."""
     road: tuple[RoadTable, ...] = ()
-    """What driving takes where the straight distance does not tell."""
+    """Driving times between bases that the straight distance does not give."""
     quiet: tuple[QuietTable, ...] = ()
-    """Times in which vehicles do not fly."""
+    """Periods without flights."""
     vehicle: tuple[OtherTable, ...] = ()
-    """Vehicles that differ."""
+    """Vehicles that differ from the others."""
 
     @model_validator(mode="after")
     def _check_day(self) -> DayTable:

@@ -29,14 +29,14 @@ from missions.readers.background_files import Background, Corner, PictureArea, P
 MOST_CELLS = 1_000_000
 LEAST_CELL_M = 1.0
 MOST_LINE_CELLS = 90_000
-"""Lines of a finer grid are no better to look at, and many to send."""
+"""Most cells of the grid for contours; finer ones look no better and take longer to send."""
 SUN_DEG, SUN_UP_DEG = 315.0, 45.0
-"""From the north-west, as maps have it: lit from below, hills look like hollows."""
+"""Light from the north-west, as on maps; lit from below, hills look like hollows."""
 GENTLE = 0.35
-"""Slopes are shown as if the steeper ones of an area were at least so steep."""
+"""Least slope to which the relief's contrast is scaled."""
 MOST_EXAGGERATION = 6.0
 LINES = 14
-"""About so many contour lines lie between the lowest and the highest place."""
+"""Approximate number of contour lines between the lowest and the highest point."""
 MOST_LINES = 300
 STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 BOLD = 5
@@ -71,7 +71,7 @@ class Hillshade:
     heights_m: npt.NDArray[np.float32]
     """(rows, columns) above mean sea level in the middles of cells, the northernmost row first."""
     shade: npt.NDArray[np.uint8]
-    """(rows, columns, 2): how light, and how opaque: nothing where heights are not known."""
+    """(rows, columns, 2): lightness and opacity; transparent where heights are unknown."""
     low_m: Corner
     """South-western corner: outer edges of cells."""
     high_m: Corner
@@ -156,9 +156,9 @@ def _compute_cell_middles(low: float, high: float, count: int) -> FloatArray:
 
 BESIDE_M = 300.0
 BESIDE = 0.25
-"""How far around the line the ground is shown: by this share of its extent, too."""
+"""Margin of background around the line, as a share of its extent."""
 MOST_PIXELS = 6_000_000
-"""Of the picture: a metre and a half each for a line of four kilometres."""
+"""Most pixels of the picture: 1.5 m each for a line of 4 km."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,12 +226,12 @@ def compute_shown_area(places_m: FloatArray) -> tuple[Corner, Corner]:
 
 DOCUMENT, PHOTO, RELIEF = "ground.json", "ground-photo.webp", "ground-relief.png"
 PHOTO_BYTES = 2_000_000
-"""What a phone in the field fetches in half a minute."""
+"""Most bytes of the picture: half a minute for a phone in the field."""
 QUALITIES = (80, 65, 50)
 MOST_HEIGHTS = 40_000
-"""Heights that are sent to be asked for; between them is interpolated."""
+"""Most heights sent to the page, which interpolates between them."""
 LATTICE = 17
-"""Latitudes and longitudes that are sent, on a side: between them, over 20 km, they are off by a few centimetres."""
+"""Points per side of the coordinate grid sent to the page; interpolation errs by centimetres over 20 km."""
 
 Count = Annotated[int, Field(ge=2, le=100_000)]
 
@@ -242,7 +242,7 @@ class GroundHeightsPart(Document):
     rows: Count
     columns: Count
     metres: tuple[int | None, ...]
-    """Row after row; null where nobody knows."""
+    """Heights row by row; null where unknown."""
 
 
 class HillshadePart(Document):
@@ -268,11 +268,11 @@ class GroundDocument(Document):
 
     format: Literal["faultline-ground/1"] = "faultline-ground/1"
     low_m: Corner
-    """South-western corner of what is shown, in metres east and north of the depot."""
+    """South-western corner, in metres east and north of the depot."""
     high_m: Corner
     attribution: str
     photo: str | None
-    """The picture's file."""
+    """File of the picture."""
     relief: HillshadePart | None
     degrees: DegreesPart
 

@@ -1,4 +1,4 @@
-"""packs.json and learned.json: what flights said of packs and taught about vehicles, for the next plan."""
+"""packs.json and learned.json: what earlier flights revealed about packs and vehicles, for the next plan."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from missions.validation import Figure
 
 FORMAT: Literal["faultline-packs/1"] = "faultline-packs/1"
 UNIX_USEC = 10**15
-"""A log's clock that shows less does not say on which day it was."""
+"""Earliest clock of a log that gives a date."""
 FourDigits = AfterValidator(partial(round, ndigits=4))
 
 
@@ -32,32 +32,32 @@ class PackEntry(Document):
     """One flight of one pack; None where the log does not say."""
 
     log: str
-    """Its file's name."""
+    """Name of the log file."""
     vehicle: str
     pack: Annotated[Whole, Field(ge=1)]
-    """Which of the vehicle's packs in this log, from 1."""
+    """Number of the vehicle's pack in this log, from 1."""
     label: str | None = None
-    """What stands on the pack: `pack` of the vehicle in the site file that it was replayed with."""
+    """Label of the pack: the vehicle's `pack` in the site file of the replay."""
     began_usec: Whole
-    """By the log's clock."""
+    """Time on the log's clock."""
     minutes: Hundredths
     cells: Annotated[Whole, Field(ge=1)]
     rest_cell_v: Thousandths | None
-    """Before the flight."""
+    """Resting cell voltage before the flight."""
     end_cell_v: Thousandths
-    """At its end, as it would rest."""
+    """Resting cell voltage at the end, estimated."""
     began_pct: Number
     ended_pct: Number
-    """By its own report."""
+    """Battery level at the end, as reported."""
     sag_cell_v: Thousandths | None = None
     ohm: Annotated[Number, FourDigits] | None = None
     ohm_sd: Annotated[Number, FourDigits] | None = None
     counted_ah: Thousandths | None = None
     set_ah: Thousandths | None = None
-    """What its autopilot counts by."""
+    """Capacity set in its autopilot."""
     least_ah: Hundredths | None = None
     most_ah: Hundredths | None = None
-    """Its capacity by its voltage, within what the chemistry and the curves leave open."""
+    """Upper bound of the capacity by voltage, given the uncertainty of chemistry and curves."""
 
 
 class PacksDocument(Document):
@@ -81,9 +81,9 @@ class SitePacks:
     """What is known of a site's packs."""
 
     fitted: Mapping[str, PackHistory] = field(default_factory=dict)
-    """Those that vehicles begin with, by the vehicles' names."""
+    """Packs that vehicles start with, by vehicle name."""
     labelled: Mapping[str, PackHistory] = field(default_factory=dict)
-    """All of which a flight is known, and those that vehicles begin with, by their labels."""
+    """Packs with a known flight, and those that vehicles start with, by label."""
 
 
 def load_site_packs(site: Site, base: Path) -> SitePacks:
@@ -159,7 +159,7 @@ class PacePart(Document):
     mean: Ratio
     sd: Deviation
     legs: Count
-    """It was learned from."""
+    """Number of legs it was learned from."""
 
 
 class ConsumptionPart(Document):
@@ -168,7 +168,7 @@ class ConsumptionPart(Document):
     mean: Power
     sd: Deviation
     minutes: Annotated[Figure, Field(ge=0), AfterValidator(partial(round, ndigits=1))]
-    """In the air that it was learned from."""
+    """Flight minutes it was learned from."""
 
 
 class LearnedVehicle(Document):
@@ -177,14 +177,14 @@ class LearnedVehicle(Document):
     name: str
     autopilot: str
     drone: str
-    """Of the energy model that the consumption is relative to."""
+    """Energy model that the consumption is relative to."""
     inspect: PacePart
-    """On inspections."""
+    """Pace on inspections."""
     transit: PacePart
-    """On the way between segments, and home."""
+    """Pace on transits and RTL."""
     consumption: ConsumptionPart
     performance: Performance | None = None
-    """How it moves by its own parameters, which the factors are relative to."""
+    """Performance by its own parameters, which the factors are relative to."""
 
 
 class LearnedDocument(Document):
@@ -192,7 +192,7 @@ class LearnedDocument(Document):
 
     format: Literal["faultline-learned/1"]
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    """When the flight ended."""
+    """Date of the flight's end."""
     vehicles: tuple[LearnedVehicle, ...]
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""The keys of [mqtt] and [web] of a site file: where a flight is shown, and who may send intents."""
+"""Site-file keys of [mqtt] and [web]: where a flight is shown, and who may send intents."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class MqttTable(SiteTable):
     host: HostName = "127.0.0.1"
     """Host name or address of the broker."""
     port: Annotated[int, Field(ge=1, le=65535)] | None = None
-    """Port of the broker; without it 1883, and 8883 with TLS; over a websocket 80 and 443."""
+    """Port of the broker. Default: 1883, with TLS 8883; over a websocket 80, with TLS 443."""
     protocol: Literal["3.1.1", "5"] = "3.1.1"
-    """Version of MQTT that the broker is asked for."""
+    """MQTT version."""
     websocket_path: Annotated[str, Field(max_length=1000, pattern=r"^/[!-~]*$")] | None = None
     """Connect over a websocket at this path, such as `/mqtt`; without it over TCP."""
     prefix: Annotated[str, Field(max_length=100, pattern=r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")] = "faultline"
-    """First part of all topics; flights that are published at the same time need one each."""
+    """First part of all topics; flights published at the same time need different ones."""
     telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
     """How often telemetry is published, in real time."""
     tls: bool = False
@@ -42,9 +42,9 @@ class MqttTable(SiteTable):
     token_env: EnvironmentName | None = None
     """Environment variable that holds the token which every intent must carry."""
     intent_max_age_s: Annotated[float, Field(gt=0, le=3600)] = 10.0
-    """Intents whose timestamp is further than this from the ground station's clock are refused."""
+    """Intents whose timestamp differs by more than this from the ground station's clock are refused."""
     clear_retained: bool = False
-    """At the end of the flight, have the broker forget all retained messages of it but `fleet/connection`."""
+    """Whether to clear all retained messages but `fleet/connection` at the end of the flight."""
 
     @model_validator(mode="after")
     def _check_credentials(self) -> MqttTable:
@@ -79,16 +79,16 @@ class WebTable(SiteTable):
     enabled: bool = True
     """Whether the page is served at all."""
     host: str = "127.0.0.1"
-    """Address to listen on: `0.0.0.0` for phones in the field; then `token_env` is needed."""
+    """Address to listen on: `0.0.0.0` for phones in the field, which needs `token_env`."""
     port: Annotated[int, Field(ge=0, le=65535)] = 0
     """Port to listen on; 0 takes a free one, and the address is printed."""
     token_env: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")] | None = None
-    """Environment variable that holds the token which browsers must show."""
+    """Environment variable with the token that browsers must show."""
     names: tuple[str, ...] = ()
-    """Further host names under which browsers may call the page."""
+    """Additional host names under which browsers may open the page."""
     address: Annotated[str, Field(pattern=r"^https?://[^\s/?#]+/$")] | None = None
-    """Where browsers reach the page if that is another address, such as `http://127.0.0.1:8080/`: the published port of
-    a container, a proxy. It is printed instead."""
+    """Address to print, where browsers reach the page under another one, such as `http://127.0.0.1:8080/` for a
+    container's published port or a proxy."""
 
     @model_validator(mode="after")
     def _check_exposure(self) -> WebTable:

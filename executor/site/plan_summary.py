@@ -1,4 +1,4 @@
-"""A plan of a flight or of days in words, for the crew to confirm: who flies what, what is left over, its heights."""
+"""Describe a plan in words for the crew to confirm: routes, what is left over, heights."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from planner.model import BARRED_PCT
 from planner.sorties import SparesEstimate
 
 NAMED = 50
-"""Segments that a line names; of more it says how many, and `--json` names all."""
+"""Most segments that a line names; it counts the others, and `--json` names all."""
 NAMED_IN_CHECKLIST = 12
 OUT_OF_REACH = "out of range of every vehicle's budget"
 OUT_OF_ITS_RANGE = "out of range of its budget"
@@ -37,12 +37,12 @@ class LeftOver:
     """A segment that a plan does not inspect."""
 
     segment: int
-    """Its number in the site's network."""
+    """Segment number in the site's network."""
     name: str
     alone_pct: float
-    """What a vehicle needs that flies there, along it and home, and nothing else; of the one that could do it best."""
+    """Battery that a flight to this segment alone needs, for the most suitable vehicle."""
     budget_pct: float
-    """Of that vehicle."""
+    """Budget of that vehicle."""
     why: str
 
 
@@ -258,11 +258,11 @@ class BaseNeeds:
 
     name: str
     sorties: int
-    """Of all days: each takes a pack, so so many swaps there are."""
+    """Sorties of all days; each takes one pack swap."""
     packs: int
-    """In the air and being charged at once."""
+    """Most packs in the air and charging at once."""
     people: int
-    """A pilot, and one for each vehicle that is turned round at the same time."""
+    """Crew size: a pilot, and one person for each vehicle turned around at the same time."""
 
 
 def compute_base_needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:

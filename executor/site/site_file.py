@@ -23,7 +23,7 @@ from executor.site import flight_keys, mqtt_and_web_keys, site_keys
 from missions import NESTED, format_first_error
 
 PAGE = "docs/reference/site-file.md"
-"""Where every key stands."""
+"""Page that documents every key."""
 
 
 class Site(site_keys.SiteTable):

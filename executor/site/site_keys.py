@@ -1,4 +1,4 @@
-"""The keys of a site file that say what is there: ground, line, areas, places, vehicles, cameras."""
+"""Site-file keys for what is there: ground, line, areas, places, vehicles, cameras."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ WindSpeed = Annotated[float, Field(ge=-20, le=20)]
 HostName = Annotated[
     str, Field(max_length=253, pattern=r"^([0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*|[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*)$")
 ]
-"""A name, or an address of version 4 or 6."""
+"""A host name, or an IPv4 or IPv6 address."""
 SpanName = Annotated[str, Field(min_length=1, max_length=200)]
 LayerName = Annotated[str, Field(min_length=1, max_length=200)]
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]+$")]
 EnvironmentName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}$")]
 MOST_LINKS = 4
-"""To one vehicle."""
+"""Most links to one vehicle."""
 
 
 class SiteTable(BaseModel):
@@ -48,7 +48,7 @@ class DepotTable(SiteTable):
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
     """WGS 84."""
     alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
-    """Ground above mean sea level. Needed, here or in the network's file, where the network knows its ground."""
+    """Ground above mean sea level. Required here or in the network file if the network has ground heights."""
 
 
 def check_where(text: str) -> str:
@@ -67,30 +67,29 @@ class NetworkTable(SiteTable):
     """GeoJSON, KML, KMZ, GPX, OpenStreetMap, GeoPackage, shapefile, CSV, XLSX, or a graph file of pylon offsets,
     relative to the site file; `default` is faultline's own network."""
     layer: LayerName | tuple[LayerName, ...] = ()
-    """The layer, sheet or folder to read, or several; needed where a file has more than one of poles or of lines."""
+    """Layers, sheets or folders to read; required if the file has more than one of poles or of lines."""
     where: Annotated[str, AfterValidator(check_where), Field(max_length=1000)] | None = None
-    """Only lines of which this holds, such as `voltage >= 110000 and operator = 'CEPS'`; of a table, only such rows."""
+    """Filter for lines, or for rows of a table, such as `voltage >= 110000 and operator = 'CEPS'`."""
     snap_m: Annotated[float, Field(ge=0.01, le=50, allow_inf_nan=False)] = SNAP_M
-    """Ends of lines, and lines and poles, that are nearer to each other than this meet."""
+    """Distance within which line ends, and lines and poles, are joined."""
     max_span_m: Annotated[float, Field(ge=5, le=20_000, allow_inf_nan=False)] | None = None
-    """Where the file has no poles, spans that are longer than this are divided evenly."""
+    """Longest span in a file without poles; longer ones are divided evenly."""
     radius_m: Positive | None = None
-    """Only segments whose two pylons are both nearer to the depot than this; without it all of them."""
+    """Only segments whose two pylons are within this distance of the depot; default: all."""
     crs: str | None = None
-    """The reference system of a file that does not say its own, such as `EPSG:5514`. Of a graph file the map grid of
-    its metres; without it they are true east and north."""
+    """Reference system of a file that does not name its own, such as `EPSG:5514`. For a graph file, the map grid of its
+    metres; default: true east and north."""
     encoding: Annotated[str, Field(min_length=1, max_length=40)] | None = None
-    """The encoding of a CSV file or of a shapefile's names, such as `cp1250`; without it it is tried, and said."""
+    """Encoding of a CSV file or of a shapefile's names, such as `cp1250`; default: detected and reported."""
     tallest_m: Positive | None = None
-    """Height of the tallest structure. Confirms that heights which look too large for pylons are metres over ground."""
+    """Height of the tallest structure; confirms that heights too large for pylons are metres above ground."""
     pylon_height_m: Annotated[float, Field(ge=2, le=400, allow_inf_nan=False)] | None = None
-    """Height over their ground of all pylons that have none in the file."""
+    """Height above ground of pylons that have none in the file."""
     only: tuple[SpanName, ...] = ()
-    """The spans that are inspected, such as `V101.3`; a range `V101.3..V101.7`, a line `V101` or a pattern `V10*` names
-    several. Without it all."""
+    """Spans to inspect, such as `V101.3`; a range `V101.3..V101.7`, a line `V101` or a pattern `V10*` names several.
+    Default: all."""
     leave_out: tuple[SpanName, ...] = ()
-    """The spans that are not inspected, named the same way. The line is still there: flights keep clear of it, and
-    spans keep their numbers."""
+    """Spans not to inspect, named the same way. Flights still keep clear of them, and spans keep their numbers."""
 
 
 class LockTable(SiteTable):
@@ -102,11 +101,11 @@ class LockTable(SiteTable):
     model_config = ConfigDict(serialize_by_alias=True)
 
     segments: Annotated[tuple[SpanName, ...], Field(min_length=1)]
-    """The spans, named as `only` of `[network]` has it. Those that are left out are not flown all the same."""
+    """Locked spans, named as in `only` of `[network]`. Spans that are left out stay left out."""
     vehicle: str | None = None
-    """The vehicle that alone flies them."""
+    """Vehicle that flies them; no other may."""
     begin: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(default=None, alias="from")
-    """The pylon, such as `V101-03`, from which they are flown, one after the other; an end of one of them."""
+    """Pylon from which they are flown in sequence, such as `V101-03`; an end of one of them."""
 
     @model_validator(mode="after")
     def _check_lock(self) -> LockTable:
@@ -116,20 +115,20 @@ class LockTable(SiteTable):
 
 
 _INSPECTION = Inspection()
-"""Its figures are the defaults of the site file."""
+"""Source of the site file's defaults."""
 
 
 class InspectionTable(SiteTable):
     """How the line is flown."""
 
     height_m: Metres = _INSPECTION.height_m
-    """Inspection height over the pylon tops where the network knows them, else over the depot's ground."""
+    """Inspection height above the pylon tops if the network has them, else above the depot's ground."""
     heights: Literal["known", "flat"] = "known"
-    """`flat` claims that the ground is everywhere as high as the depot's, where the network does not know it."""
+    """`flat` asserts that unknown ground is level with the depot."""
     ceiling_m: Metres = _INSPECTION.ceiling_m
-    """No mission goes higher than this over the ground; to fly higher needs a permit."""
+    """Greatest mission height above ground; flying higher needs a permit."""
     return_ceiling_m: Metres | None = _INSPECTION.return_ceiling_m
-    """The same for the RTL height, which is level and so higher over valleys; without it `ceiling_m` holds."""
+    """The same for the RTL height, which is level and so higher over valleys; default: `ceiling_m`."""
     standoff_m: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = _INSPECTION.standoff_m
     """Horizontal distance from the line, always on the same side."""
     speed_m_s: Speed = _INSPECTION.speed_m_s
@@ -137,16 +136,16 @@ class InspectionTable(SiteTable):
     transit_speed_m_s: Speed = _INSPECTION.transit_speed_m_s
     """Speed between segments, and from and to the pad."""
     wind_m_s: tuple[WindSpeed, WindSpeed] = (0.0, 0.0)
-    """The wind by where the air moves to: east, north. Plans count with it."""
+    """Wind that plans account for, as the direction the air moves: east, north."""
     layer_m: Metres = _INSPECTION.layer_m
-    """Least distance between any two vehicles; heights are layered by it."""
+    """Least distance between any two vehicles, and spacing of the height layers."""
     same_distance: bool = _INSPECTION.same_distance
     """`true`: inspect at `height_m` instead of the layer height wherever no other vehicle can be present. A vehicle
     with others beside it descends once they have left; segments inspected from a layer are re-inspected if battery
     remains, before RTL or from the pad. The descents cost time, and a lost vehicle's segments are reassigned only once
     it must have left the line."""
     corridor_m: Metres = 10.0
-    """A segment counts as inspected only where the flown track is within this of the planned one."""
+    """Greatest deviation of the flown track from the planned one at which a segment counts as inspected."""
 
 
 class MapTable(SiteTable):
@@ -156,9 +155,9 @@ class MapTable(SiteTable):
     """A picture of the ground, such as an orthophoto: GeoTIFF of any reference system, or MBTiles; relative to the site
     file."""
     attribution: Annotated[str, Field(max_length=200)] | None = None
-    """Whom the picture is by, to be shown with it; without it what the file says."""
+    """Attribution shown with the picture; default: what the file says."""
     contour_m: Metres | None = None
-    """Height between contour lines, where the ground's heights are known; without it what fits the relief."""
+    """Contour interval, where ground heights are known; default: chosen to fit the relief."""
 
 
 GroundMargin = Annotated[float, Field(gt=0, le=500, allow_inf_nan=False)]
@@ -171,16 +170,16 @@ class TerrainTable(SiteTable):
     """GeoTIFF or COG (Copernicus GLO-30), SRTM `.hgt`, DTED or ASCII grids, or folders of them, relative to the site
     file, in any reference system. Where several know the ground, the one of the smallest cells does."""
     vertical: Literal["file", "egm2008", "egm96", "ellipsoid"] = "file"
-    """What their heights are counted from: `file` takes the word of the file, or of a product that is known by its
-    name; others must be told. Heights over the ellipsoid need a geoid that PROJ has on this computer."""
+    """Vertical reference of the heights: `file` uses that of the file, or of a product known by its name; others must
+    be given. Ellipsoidal heights need a geoid that PROJ has on this computer."""
     margin_m: GroundMargin = GROUND_MARGIN_M
-    """Least height of every leg, every transit and every way home over the ground, beside `uncertainty_m`."""
+    """Least height of every leg, transit and RTL above ground, in addition to `uncertainty_m`."""
     uncertainty_m: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] | None = None
-    """Nine of ten heights are nearer than this to the truth. Without it 4 of Copernicus GLO-30 and 16 of SRTM, as they
-    are specified; other rasters need it. A metre is added where their geoid is not that of the vehicles, EGM96."""
+    """Error that 90 % of the heights stay within. Default: 4 for Copernicus GLO-30 and 16 for SRTM, as specified; other
+    rasters need it. One metre is added if their geoid is not that of the vehicles, EGM96."""
     line_margin_m: GroundMargin | None = None
-    """Least height of every leg over the top of a line that it crosses or follows; without it two thirds of
-    `[inspection] height_m`."""
+    """Least height of every leg above a line that it crosses or follows; default: two thirds of `[inspection]
+    height_m`."""
 
 
 LatLon = tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]]
@@ -200,26 +199,26 @@ class AreaTable(SiteTable):
     """
 
     name: PlaceName | None = None
-    """What messages call it; of a file where a feature has no name of its own."""
+    """Name used in messages; for a file, the name of features that have none."""
     file: FileName | None = None
     """GeoJSON, KML or KMZ with polygons and lines, relative to the site file. A feature's own `width_m`, `margin_m`,
     `max_agl_m` and `max_amsl_m` count before those of this table."""
     layer: LayerName | tuple[LayerName, ...] = ()
-    """The folders of KML to read; without it all of them."""
+    """KML folders to read; default: all."""
     where: Annotated[str, AfterValidator(check_where), Field(max_length=1000)] | None = None
-    """Only features of which this holds, such as `class = 'CTR'`."""
+    """Filter for features, such as `class = 'CTR'`."""
     polygon: Annotated[tuple[LatLon, ...], Field(min_length=3)] | None = None
     """Corners as [latitude, longitude], instead of a file."""
     line: Annotated[tuple[LatLon, ...], Field(min_length=2)] | None = None
-    """The middle of a corridor that others fly along, as [latitude, longitude], instead of a file."""
+    """Centre line of a corridor of other traffic, as [latitude, longitude], instead of a file."""
     width_m: Width | None = None
-    """Of a corridor, from side to side."""
+    """Width of the corridor, side to side."""
     margin_m: Margin = MARGIN_M
-    """How far flights keep from it: GPS, wind and corners that are cut take 2 m at least."""
+    """Distance that flights keep from it; GPS, wind and cut corners need at least 2 m."""
     max_agl_m: OverGround | None = None
-    """Flights may enter, and stay below this over the ground."""
+    """Flights may enter below this height above ground."""
     max_amsl_m: OverSea | None = None
-    """The same above mean sea level; an airspace that begins at 300 m is one of 300."""
+    """The same above mean sea level; for an airspace that begins at 300 m, 300."""
 
     @model_validator(mode="after")
     def _check_source(self) -> AreaTable:
@@ -244,22 +243,22 @@ class PlaceTable(SiteTable):
     """A place that people call by a name."""
 
     name: PlaceName
-    """What messages call it, and `pad` of a vehicle."""
+    """Name used in messages, and in a vehicle's `pad`."""
     lat_deg: Annotated[float, Field(ge=-89, le=89)]
     """WGS 84."""
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
     """WGS 84."""
     alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
-    """Ground above mean sea level; without it as high as the depot's."""
+    """Ground above mean sea level; default: the depot's."""
     kind: Literal["pad", "alternate"]
-    """`pad`: where a vehicle starts and lands; `alternate`: where one may come down that does not come home."""
+    """`pad`: where a vehicle takes off and lands; `alternate`: where a vehicle that cannot return may land."""
 
 
 class EnergyTable(SiteTable):
     """The multicopter: a preset, and what differs from it."""
 
     drone: str = "mavic3"
-    """Preset: mavic2, mavic3, matrice200, matrice600, anafi-ai or skydio2. The other keys change figures of it."""
+    """Preset: mavic2, mavic3, matrice200, matrice600, anafi-ai or skydio2. The other keys override its values."""
     mass_kg: Annotated[float, Field(ge=0.05, le=1000)] | None = None
     """Take-off mass, with battery and payload."""
     rotors: Annotated[int, Field(ge=3, le=16)] | None = None
@@ -271,13 +270,13 @@ class EnergyTable(SiteTable):
     capacity_ah: Annotated[float, Field(ge=0.01, le=1e6)] | None = None
     """Capacity of the battery."""
     chemistry: Chemistry | None = None
-    """lipo or li-ion: what a resting voltage means. Where it is not set, what both agree about."""
+    """lipo or li-ion: decides what a resting voltage means. Default: only what both agree on."""
     packs: Annotated[str, Field(min_length=1)] | None = None
-    """packs.json of `faultline replay --packs`, relative to the site file: what flights said of labelled packs."""
+    """packs.json written by `faultline replay --packs`, relative to the site file: history of labelled packs."""
     area_m2: Annotated[float, Field(ge=1e-4, le=100)] | None = None
     """Area of the vehicle seen from above."""
     efficiency: Annotated[float, Field(ge=0.01, le=1)] | None = None
-    """Efficiency of propeller times motor."""
+    """Combined efficiency of propeller and motor."""
 
     @model_validator(mode="after")
     def _check_drone(self) -> EnergyTable:
@@ -298,7 +297,7 @@ AutopilotKey = Annotated[
     AfterValidator(_check_autopilot),
     WithJsonSchema({"type": "string", "enum": [dialect.name for dialect in AUTOPILOTS]}),
 ]
-"""The name of an autopilot that is known."""
+"""Name of a supported autopilot."""
 
 
 def check_connection_kind(value: object) -> object:
@@ -326,12 +325,12 @@ class VehicleTable(SiteTable):
     budget_pct: Percent = 75.0
     """Most of a full battery that a route may use."""
     reserve_pct: Percent = RESERVE_PCT
-    """Share of a full battery that is never planned with."""
+    """Reserve of a full battery that plans never use."""
     pack: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")] | None = None
-    """Label of the pack that it flies with: what `[energy] packs` knows of it is reckoned with, and `replay --packs`
-    with this site file, or of a flight's run directory, writes it down by it."""
+    """Label of its battery pack. Plans use the history in `[energy] packs`, and `replay --packs` records the flight
+    under this label."""
     pad: Annotated[str, Field(min_length=1, max_length=60)] | None = None
-    """The `[[place]]` where it starts and lands; without it a pad is chosen around its base, or the depot."""
+    """`[[place]]` where it takes off and lands; default: a pad chosen near its base or the depot."""
 
     @model_validator(mode="after")
     def _check_vehicle(self) -> VehicleTable:
@@ -381,62 +380,62 @@ class CameraTable(SiteTable):
     name: CameraName
     """Name of the camera: a letter, then letters, digits, - and _."""
     id: Annotated[int, Field(ge=0, le=255)] = 0
-    """As mission items name it: 1 to 6 are wired to the autopilot, 7 to 255 are component ids of MAVLink cameras (the
-    first is 100), 0 is whatever camera there is at the autopilot."""
+    """Camera id in mission items: 1 to 6 are wired to the autopilot, 7 to 255 are component ids of MAVLink cameras (the
+    first is 100), 0 is any camera of the autopilot."""
     vehicles: tuple[str, ...] = ()
-    """Names of the vehicles that carry it; without any all do."""
+    """Names of the vehicles that carry it; default: all."""
     focal_mm: Side | None = None
-    """Focal length, the real one."""
+    """Actual focal length, not the 35 mm equivalent."""
     sensor_mm: tuple[Side, Side] | None = None
     """Width and height of the sensor; the width lies across the flight."""
     image_px: tuple[Pixels, Pixels] | None = None
     """Width and height of a picture."""
     least_interval_s: Annotated[float, Field(ge=0.05, le=60)] = LEAST_INTERVAL_S
-    """It takes no pictures faster than this."""
+    """Shortest interval between two pictures."""
     gimbal: bool = False
-    """Whether missions point it."""
+    """Whether it has a gimbal that missions point."""
 
 
 class LookTable(SiteTable):
     """What spans, or pylons, ask for."""
 
     camera: CameraName
-    """The camera that sees them: only vehicles that carry it are given these spans."""
+    """Camera to use: only vehicles that carry it get these spans."""
     of: Literal["spans", "pylons"] = "spans"
-    """Whether spans are looked at along their way, or pylons from viewpoints around them."""
+    """Whether spans are inspected along the line, or pylons from viewpoints around them."""
     segments: Annotated[tuple[str, ...], Field(min_length=1)] = ("*",)
-    """Names of the spans, `*` stands for anything in them; without it all."""
+    """Names of the spans; `*` matches anything. Default: all."""
     take: Literal["pictures", "video"] = "pictures"
     """Pictures one after another, or a video."""
     trigger: Literal["distance", "interval"] = "distance"
-    """Who takes pictures: the autopilot by distance, or the camera by time."""
+    """Trigger of pictures: the autopilot by distance, or the camera by time."""
     every_m: Positive | None = None
     """Metres between two pictures."""
     overlap_pct: Annotated[float, Field(ge=0, le=95)] | None = None
-    """Instead: how much of a picture the next one shows again; needs `focal_mm` and `sensor_mm` of the camera."""
+    """Instead of `every_m`: overlap of two pictures; needs `focal_mm` and `sensor_mm` of the camera."""
     sample_mm: Positive | None = None
-    """A pixel may show no more of the line than this; needs `image_px` of the camera, too."""
+    """Largest ground sample: what one pixel may cover; also needs `image_px` of the camera."""
     pitch_deg: Annotated[float, Field(ge=-90, le=45)] | None = None
-    """Where a gimbal points, from the horizon, down is negative; without it at the line, or at what `target_m` says."""
+    """Gimbal pitch from the horizon, negative is down; default: at the line, or at `target_m`."""
     aim_deg: Annotated[float, Field(gt=0, le=180)] = AIM_DEG
-    """A picture whose camera points farther beside that does not count."""
+    """Largest aiming error of a picture that counts."""
     pylons: Annotated[tuple[str, ...], Field(min_length=1)] = ("*",)
-    """Names of the pylons, as `segments` has those of spans."""
+    """Names of the pylons, in the form of `segments`."""
     bearings_deg: tuple[Annotated[float, Field(ge=-180, le=180)], ...] = ()
-    """Viewpoints around a pylon in the order in which they are flown, clockwise from the direction of its line."""
+    """Bearings of the viewpoints around a pylon in order of flight, clockwise from the direction of its line."""
     both_sides: bool = False
-    """Whether the same are flown on the other side of the line, too."""
+    """Whether to fly the same viewpoints on the other side of the line too."""
     distance_m: Annotated[float, Field(ge=3, le=200)] = 12.0
-    """Of viewpoints from the pylon, over the ground."""
+    """Horizontal distance of viewpoints from the pylon."""
     heights_m: tuple[Annotated[float, Field(ge=-200, le=200)], ...] = ()
-    """Heights of viewpoints over the pylon's top, below it negative, each at every bearing; without any they lie as
-    high as spans are flown. Needs `same_distance`; nobody is below the tops within 10 m of a line."""
+    """Heights of viewpoints above the pylon's top, negative below it, each at every bearing; default: the height at
+    which spans are flown. Needs `same_distance`; no vehicle goes below the tops within 10 m of a line."""
     target_m: Annotated[float, Field(ge=-200, le=50)] = 0.0
-    """What is looked at, from the pylon's top."""
+    """Height of the target, from the pylon's top."""
     roi: bool = False
-    """Whether the vehicle turns its nose there (region of interest): for cameras that no gimbal turns to the side."""
+    """Whether the vehicle turns its nose to the target (region of interest), for cameras without a yaw gimbal."""
     hover_s: Annotated[float, Field(ge=0, le=60)] = 2.0
-    """How long a vehicle stays at a viewpoint before the picture is taken."""
+    """Hover time at a viewpoint before the picture."""
 
     @model_validator(mode="after")
     def _check_spacing(self) -> LookTable:
@@ -466,20 +465,20 @@ class FigureTable(SiteTable):
     """One learned figure; the other figures have the same keys."""
 
     mean: Amount
-    """What was found."""
+    """Mean."""
     sd: Deviation
-    """How sure it is: standard deviation."""
+    """Standard deviation."""
     samples: Count
-    """How many pieces of flight, pairs of reports or minutes it is from."""
+    """Number of flight segments, report pairs or minutes behind it."""
 
 
 class SpeedTable(SiteTable):
     """Consumption in level flight at one speed."""
 
     speed_m_s: Annotated[float, Field(ge=0, le=200)]
-    """Over ground, the mean of what was flown."""
+    """Mean ground speed."""
     current_a: FigureTable
-    """Current that was drawn."""
+    """Current."""
     pct_per_min: FigureTable | None = None
     """The same in percent of the learned capacity a minute."""
 
@@ -488,22 +487,22 @@ class SwitchTable(SiteTable):
     """The pilot's mode switch."""
 
     channel: Annotated[int, Field(ge=1, le=18)]
-    """Of the transmitter."""
+    """Transmitter channel."""
     source: Annotated[str, Field(max_length=60)]
-    """Parameter that names it, or `seen`: it moved before changes of mode."""
+    """Parameter that names it, or `seen`: it moved before mode changes."""
     moved: Annotated[int, Field(ge=0, le=1_000_000)] = 0
-    """Changes of mode that it moved before."""
+    """Mode changes that it moved before."""
     changes: Annotated[int, Field(ge=0, le=1_000_000)] = 0
-    """Changes of mode in the logs."""
+    """Mode changes in the logs."""
 
 
 class LearnedTable(SiteTable):
     """What `faultline replay --learn` found. It changes no plan: `[energy]` does, which the same command writes."""
 
     logs: Count
-    """Logs that it is from."""
+    """Number of logs."""
     minutes: Annotated[float, Field(ge=0, le=1e6)]
-    """In the air."""
+    """Minutes in the air."""
     hover_a: FigureTable | None = None
     """Current in hover."""
     hover_w: FigureTable | None = None
@@ -513,10 +512,10 @@ class LearnedTable(SiteTable):
     climb_share: FigureTable | None = None
     """Extra consumption for each m/s of climb, as a share of level flight's."""
     capacity_ah: FigureTable | None = None
-    """What the counter of charge gives for the percentage that is shown."""
+    """Capacity from the charge counter and the displayed percentage."""
     resistance_ohm: FigureTable | None = None
-    """Of the pack with its wires, from steps of the load."""
+    """Resistance of the pack and its wires, from load steps."""
     link_loss_pct: FigureTable | None = None
-    """Frames that were lost on the way to the ground station."""
+    """Frames lost on the link to the ground station."""
     mode_switch: SwitchTable | None = None
     """The pilot's mode switch."""

@@ -1,4 +1,4 @@
-"""From the site file's tables to what planner, missions and core work with."""
+"""Build from the site file what planner, missions and core work with."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ from missions.viewpoints import add_viewpoints, build_pylon_tasks, extra_time_s
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, build_steady_wind, segment_of, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
-"""A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
+"""Real seconds for which a busy computer may stall a process (1.0 s measured), which is long in fast simulation."""
 UPLOAD_ALLOWANCE_S = 1.0
-"""Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
+"""Real seconds allowed for uploading a re-plan when choosing which segments stay untouched."""
 FENCE_ALLOWANCE_S = 3.0
-"""What a wider fence before a new mission takes more, in the vehicles' time."""
+"""Additional vehicle seconds for uploading a wider fence before a new mission."""
 SEEN_S = 2.0
-"""A vehicle is this much farther than its last reports say."""
+"""Age of telemetry: a vehicle is this far ahead of its last report."""
 DEFAULT_NETWORK = "default"
-"""As `network.file`: the network that comes with faultline."""
+"""Value of `network.file` for the network that comes with faultline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,23 +68,23 @@ class SiteModel:
     drone: Drone
     travel: Travel
     setup: missions.FlightSetup
-    """Heights, and pads that are chosen around the depot and the bases."""
+    """Heights, and pads chosen near the depot and the bases."""
     terrain: Terrain | None = None
-    """The ground between the lines, where a raster knows it."""
+    """Terrain from rasters, if any."""
     worth_a_look: tuple[str, ...] = ()
-    """What was mended or found of the network's file and its heights, in words."""
+    """Repairs and findings of the network file and its heights, in words."""
     learned: Mapping[str, KnownVehicle] = field(default_factory=dict)
-    """What is known of vehicles from flights before, by their name."""
+    """Results of earlier flights by vehicle name."""
     packs: SitePacks = field(default_factory=SitePacks)
-    """What earlier flights said of packs."""
+    """History of packs from earlier flights."""
     day_pads: Mapping[str, Mapping[str, missions.Pad]] = field(default_factory=dict)
-    """By the vehicle's name and the base's: where it lands on a day at bases that are not its own."""
+    """Pads at other bases, by vehicle and base name, for days that land there."""
     left_out: frozenset[int] = frozenset()
-    """Segments that are not to be inspected; the network has them all the same."""
+    """Segments not to inspect; they stay in the network."""
     locked: Mapping[int, str] = field(default_factory=dict)
-    """Segments that one vehicle alone flies, and its name."""
+    """Locked segments, and the vehicle that flies each."""
     directions: Mapping[int, bool] = field(default_factory=dict)
-    """Segments that are flown in one direction alone, and whether that is reversed."""
+    """Segments with a fixed direction, and whether it is reversed."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""From a site's tables of areas, places, bases and cameras to what missions work with."""
+"""Build areas, places, bases and cameras of missions from a site's tables."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from missions.terrain import Terrain
 from missions.viewpoints import ViewpointRequest
 
 NEAR_M = 20_000.0
-"""No way leads farther than this beyond lines and pads: what is beyond is left out, and outlines are cut there."""
+"""Farthest that routes go beyond lines and pads; areas are clipped there."""
 BEYOND_M = 3000.0
-"""More than the largest margin and half of the widest corridor."""
+"""Clipping margin: more than the largest area margin and half the widest corridor."""
 MOST_CORNERS = 400
-"""Of all areas together: a graph of ways between them takes a second."""
+"""Most corners of all areas together; their route graph then takes a second."""
 EASED_M = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-"""By how much outlines may be simplified, the least that is enough; it is kept from them as well."""
+"""Tolerances for simplifying outlines, smallest sufficient first; the margin grows by the one used."""
 LEAST_M2 = 1.0
 _RANGES = {
     "margin_m": TypeAdapter(Margin), "width_m": TypeAdapter(Width), "max_agl_m": TypeAdapter(OverGround),
@@ -200,9 +200,9 @@ def _count_corners(areas: list[Area], tolerance_m: float) -> int:
 
 
 DEPOT = "depot"
-"""The only base of a site that names none."""
+"""Name of the single base of a site that names none."""
 AT_DEPOT_M = 50.0
-"""A base nearer to the depot than this is the depot."""
+"""Distance within which a base is the depot."""
 
 
 def base_tables(site: Site, frame: LocalFrame) -> tuple[BaseTable, ...]:
@@ -271,7 +271,7 @@ def place_day_pads(site: Site, setup: FlightSetup, areas: Sequence[Area]) -> dic
 
 
 SHORTEST_M = 0.5
-"""Pictures nearer to each other than this are a mistake in the figures."""
+"""Least spacing of pictures; less is an input error."""
 
 
 def build_viewpoint_requests(site: Site, network: Network) -> list[ViewpointRequest]:

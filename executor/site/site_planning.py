@@ -1,4 +1,4 @@
-"""Plans outside of a flight: the first plan of a site, and what a loss would make of a plan."""
+"""Plan outside of a flight: the first plan of a site, and the re-plan after a supposed loss."""
 
 from __future__ import annotations
 
@@ -64,19 +64,19 @@ from planner import (
 from planner.sorties import Objective
 
 SAME_PLACE_M = 1.0
-"""A plan's segment that lies farther from the site's of the same number is another one."""
+"""Distance beyond which a plan's segment is not the site's segment of that number."""
 SAME = 1e-9
-"""Figures that differ by less, absolutely or relatively, are the same: computers round differently."""
+"""Absolute and relative tolerance for equal values; computers round differently."""
 CHANGES_NAMED = 3
 LEFT_OUT = "is left out by the site"
 WINDOW_UP_TO = 150
-"""Segments up to which the window is searched for where nobody asked for a cost: more take longer than a plan may."""
+"""Most segments for which the window is the default objective; more take too long."""
 WINDOW_SETTLED = 30_000
-"""The same as `SETTLED` for a search on the window."""
+"""As `SETTLED`, for a search on the window."""
 REARRANGED = 1.05
-"""Routes by which less is inspected from layers may make the plan this much worse."""
+"""Cost factor allowed for routes that inspect less from layers."""
 LATE_S = 10.0
-"""Who is this much later than planned is still out of the way of who comes after it."""
+"""Delay of a vehicle at which it is still clear of the next one."""
 SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
@@ -96,24 +96,23 @@ class PlanRequest:
     cost: Cost | None
     """None: the largest re-plan window."""
     seconds: float
-    """The solver's time."""
+    """Solver time."""
     seed: int
     iterations: int | None = None
-    """Of a search; then `seconds` are only its limit, and a slow computer finds the same plan later."""
+    """Iterations of the search; `seconds` is then only a limit, so that a slow computer finds the same plan."""
     solver: PlanSolver = PlanSolver.SEARCH
     all_vehicles: bool = False
-    """Keep no vehicle on the ground."""
+    """Whether every vehicle must fly."""
     stretch: float = 0.1
-    """With a window: how much longer than the best MinMax plan's the longest route may be, as a share of it."""
+    """For a window: how much longer than the best MinMax plan's the longest route may be, as a share."""
     starts: int = 0
-    """Searches side by side; 0 for as many as there are processors."""
+    """Parallel searches; 0 for one per processor."""
     params: SearchParams = DEFAULT_PARAMS
-    """What the search is tuned by."""
+    """Tuning of the search."""
     usual: bool = False
-    """Whether nobody asked for a cost: then it is the window where there is one to search for in this time, and else
-    MinMax."""
+    """Whether no cost was given: then the window, if it can be searched in this time, else MinMax."""
     objective: Objective = Objective.FINISH
-    """What a plan of days is chosen by, instead of a cost."""
+    """Objective of a day plan, instead of a cost."""
 
     def __post_init__(self) -> None:
         """Check that the solver can do it.

@@ -1,4 +1,4 @@
-"""The JSON schema of the site file, with what each key means and its unit: for pages, editors and the reference."""
+"""JSON schema of the site file with each key's meaning and unit, for pages, editors and the reference."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Any
 from executor.site import flight_keys, mqtt_and_web_keys, site_file, site_keys
 
 SITE = (site_file, site_keys, flight_keys, mqtt_and_web_keys)
-"""The modules that the site file's keys are in."""
+"""Modules that define the site file's keys."""
 UNITS = (
     ("bytes_s", "B/s"), ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"),
     ("_m2", "m²"), ("_m", "m"), ("_s", "s"),
 )  # fmt: skip
-"""What the end of a key's name says of its unit; the longest first."""
+"""Units by suffix of a key's name, longest first."""
 
 
 def build_site_schema() -> dict[str, Any]:

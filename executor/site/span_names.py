@@ -1,4 +1,4 @@
-"""Spans by what a crew calls them: which are flown, who alone flies some, and from which pylon on."""
+"""Resolve a crew's span names: which spans are flown, by which vehicle, and from which pylon."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from missions import Network
 from missions.files import to_printable
 
 RANGE = ".."
-"""Between the first and the last span of a range."""
+"""Separator of the first and the last span of a range."""
 
 
 class SpanError(SiteError):

@@ -92,11 +92,11 @@ export interface PageAssets {
 /** `ground.json`. */
 export interface GroundDocument {
   format: "faultline-ground/1";
-  /** South-western corner of what is shown, in metres east and north of the depot. */
+  /** South-western corner, in metres east and north of the depot. */
   low_m: [number, number];
   high_m: [number, number];
   attribution: string;
-  /** The picture's file. */
+  /** File of the picture. */
   photo: string | null;
   relief: HillshadePart | null;
   degrees: DegreesPart;
@@ -735,7 +735,7 @@ export interface Contour {
 export interface GroundHeightsPart {
   rows: number;
   columns: number;
-  /** Row after row; null where nobody knows. */
+  /** Heights row by row; null where unknown. */
   metres: (number | null)[];
 }
 
