@@ -1,1 +1,1 @@
-"""One outside thing each. Adapters know core, never one another."""
+"""Adapters to the outside world, one for each outside system. They use core, never one another."""

@@ -1,4 +1,4 @@
-"""Files too long to hold, piece by piece."""
+"""Read files that do not fit into memory, piece by piece."""
 
 from __future__ import annotations
 

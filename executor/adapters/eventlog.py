@@ -28,7 +28,7 @@ from executor.core.interface.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
 
 PIECE_BYTES = 64 * 1024
-"""Of a log: pieces are read, and its end is looked at, in this size."""
+"""Block size for reading a log and for finding its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +36,12 @@ class LogPlace:
     """The end of a whole line in a log, and how to know that log again."""
 
     size: int
-    """Bytes up to there."""
+    """Bytes up to this place."""
     lines: int
     at_s: float
-    """Time of the last event before it."""
+    """Time of the last event before this place."""
     digest: str
-    """Of the log's first line, and of the last one before this place."""
+    """Digest of the log's first line and of the last line before this place."""
 
 
 def digest_of(first: bytes, last: bytes) -> str:
@@ -124,20 +124,20 @@ def is_time(value: object) -> TypeGuard[float]:
 
 FORMAT = "faultline-events/1"
 MOST_WAITING = 50_000
-"""Lines, of about 200 bytes: a quarter of an hour of four vehicles."""
+"""Most unwritten lines, of about 200 bytes each: 15 minutes of four vehicles."""
 LONGEST_PAUSE_S = 30.0
-"""Of the flight; a tick comes every fifth of a second, or every fiftieth of a real one."""
+"""Longest gap between events in flight time; a tick comes every 0.2 s, or every 0.02 real seconds."""
 DISK_S = 1.0
-"""Real seconds that an order waits for the disk: a decision that only a power loss could take back must not wait for
-ever. A disk that is well takes some milliseconds."""
+"""Real seconds that a command waits for the disk. A healthy disk takes milliseconds; only a power loss could undo the
+decision, so it must not wait for ever."""
 GAP = "lines_lost"
-"""The key of a note in the place of lines that nobody could write."""
+"""Key of a note that replaces lines that could not be written."""
 CLOCK_SET = "clock_set_s"
-"""The key of a note that the computer's time of day was set, by so many seconds."""
+"""Key of a note that the computer's clock was stepped, with the seconds."""
 LATEST_UNIX_S = 1e12
-"""No flight began later; 30,000 years from now."""
+"""Latest start of a flight: 30,000 years from now."""
 FASTEST = 1000.0
-"""Times real time."""
+"""Fastest simulation, in multiples of real time."""
 
 _KINDS: dict[str, type] = {
     name: item
@@ -159,7 +159,7 @@ _ENUMS = {
     name: {key: read for key, hint in get_type_hints(kind).items() if (read := _find_enum_reader(hint)) is not None}
     for name, kind in _KINDS.items()
 }
-"""How fields are read that hold a member of an enum, which stands in the log by its value."""
+"""Readers of enum fields; the log holds an enum by its value."""
 
 
 @cache
@@ -207,7 +207,7 @@ class LogHeader:
     """The first line of a log."""
 
     began_unix_s: float
-    """Seconds since 1970 at which its time is 0."""
+    """Unix time at which the log's time is 0."""
     speedup: float
 
     def __post_init__(self) -> None:
@@ -249,23 +249,23 @@ class EventLog:
             LogError: a new one exists already, or the file cannot be written.
         """
         self.lost = 0
-        """Lines that will never be written."""
+        """Number of lines that were given up."""
         self._told = told
         self._waiting: deque[bytes] = deque()
-        """Lines that could not be written yet."""
+        """Lines that are not written yet."""
         self._begun = 0
-        """How many bytes of the first of them were."""
+        """Bytes of the first of them that are written."""
         self._dropped = 0
-        """Lines that were given up since the last one that was kept."""
+        """Lines given up since the last one that was written."""
         self._now_s = 0.0
-        """Of the last event."""
+        """Time of the last event."""
         self._written = self._synced = 0
-        """Lines so far, and how many of them the disk is known to hold."""
+        """Lines written, and lines synced to disk."""
         self._syncing: asyncio.Task[None] | None = None
-        """At most one thread waits for the disk."""
+        """The single task that waits for the disk."""
         self._slow = False
         self._lines = lines
-        """That the system has."""
+        """Lines handed to the operating system."""
         self._first = self._last = b""
         new = os.O_CREAT | os.O_EXCL if began_unix_s is not None else 0
         try:

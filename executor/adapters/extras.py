@@ -31,7 +31,7 @@ class Extra(Enum):
 
 
 INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}
-"""The name that a module is installed by, where that is another one."""
+"""Package name of a module, where it differs."""
 
 
 def describe_missing_extra(extra: Extra, wanted_by: str) -> str:

@@ -1,4 +1,4 @@
-"""An intent as JSON, from whichever side it comes."""
+"""An operator's intent as JSON, from the page or MQTT."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SCHEMA = {
 }
 Asset = Annotated[int | str, PlainValidator(_check_asset), WithJsonSchema(_SCHEMA)]
 NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_ASSETS)]
-"""One at least: a list that came out empty does not stand for all of them."""
+"""At least one asset; an empty list does not mean all."""
 
 
 class IntentBody(BaseModel):
@@ -36,22 +36,21 @@ class IntentBody(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
-    """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
+    """Unique id chosen by the sender. A repeated id gets the same answer and is not carried out again."""
     action: ActionName
-    """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
+    """Action; `prepare` and `take-off` answer the questions before the flight."""
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
-    """Whose; left out for `replan`, `prove`, `close`, `open`, `count`, `abort`, `prepare` and `take-off`."""
+    """Vehicle; omitted for `replan`, `prove`, `close`, `open`, `count`, `abort`, `prepare` and `take-off`."""
     confirmed: bool = False
-    """Whether the second question was answered with yes, which an acknowledgement asked."""
+    """Whether the operator confirmed the question of the acknowledgement."""
     pack: Annotated[str, Field(pattern=PACK)] = ""
-    """The id of the pack that was put in, for `swap`; left out where packs have none."""
+    """Id of the inserted battery pack, for `swap`; omitted if packs have none."""
     base: Annotated[str, Field(max_length=64)] = ""
-    """Which base of a day, for `close`, `open` and `count`."""
+    """Base of the day, for `close`, `open` and `count`."""
     charged: Annotated[int, Field(ge=0, le=MOST_PACKS)] | None = None
-    """How many charged packs are at the base now, for `count`."""
+    """Number of charged packs at the base now, for `count`."""
     assets: NamedAssets = ()
-    """Which are looked at again, for `prove`: names, or segments by their numbers; left out for all that is inferred
-    or missed."""
+    """Assets to inspect again, for `prove`: names or segment numbers; omitted for all that are inferred or missed."""
 
     @model_validator(mode="after")
     def _check_assets(self) -> Self:

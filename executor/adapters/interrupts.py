@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""What ends a program like Ctrl-C; not every system has both."""
+"""Signals that end the program like Ctrl-C; some systems lack one."""
 TOGETHER_S = 2.0
-"""A terminal that closes is told of several times, by the system and by its shell; within this it counts once."""
+"""Seconds within which repeated signals of a closing terminal, from the system and its shell, count once."""
 ENDS_S = 1.0
-"""Real seconds that a process may take to end, each time that it is told more firmly."""
+"""Real seconds that a process gets at each step of ending it."""
 PROGRAM_ENDS_S = 10.0
-"""Real seconds that a program of its own may take: it has a flight, or a fleet, to leave in order."""
+"""Real seconds for another program to end; it may have a flight or a fleet to close."""
 
 
 @contextmanager

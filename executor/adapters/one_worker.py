@@ -1,4 +1,4 @@
-"""A pool of one process that is known by name: it can be told to end, and killed where it hangs."""
+"""A pool of one known process, which can be ended politely, or killed if it hangs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from executor.adapters.interrupts import defer_ctrl_c, end_processes
 P = ParamSpec("P")
 T = TypeVar("T")
 SPAWNED = multiprocessing.get_context("spawn")
-"""A process that has had threads, as the compiler's, must not be forked."""
+"""Spawn context: a process with threads, such as the compiler's, must not be forked."""
 
 
 class OneWorker:

@@ -1,4 +1,4 @@
-"""The run directory: everything that one flight leaves, and its JSON documents as models."""
+"""The run directory: all files of one flight, and its JSON documents as models."""
 
 from __future__ import annotations
 
@@ -37,47 +37,47 @@ class RunDirectory:
     path: Path
 
     site = _File("site.toml")
-    """The site file that it was flown with."""
+    """Site file of the flight."""
     events = _File("events.jsonl")
-    """The event log, from which everything else can be had again."""
+    """Event log, from which everything else can be rebuilt."""
     vehicles = _File("vehicles.json")
-    """Who stood where, and what was on board, before the launch."""
+    """Positions and state on board of every vehicle before the launch."""
     parameters = _File("parameters.json")
-    """What was changed on board, and is to be given back."""
+    """Parameters changed on board, to be restored."""
     fences = _File("fences.json")
-    """The fences and rally points that were replaced on board, and are to be given back."""
+    """Fences and rally points replaced on board, to be restored."""
     report = _File("report.json")
-    """What the flight came to."""
+    """Results of the flight."""
     learned = _File("learned.json")
-    """What the flight taught about its vehicles."""
+    """Values learned about the vehicles."""
     learned_before = _File("learned-before.json")
-    """What was known of them before it; not there if nothing was."""
+    """Values known before the flight; absent if none."""
     page = _File("report.html")
-    """The report to be read by people."""
+    """Report for people."""
     profile = _File("profile.png")
-    """The first plan from the side; not there if no raster knew the ground."""
+    """Height profile of the first plan; absent without terrain data."""
     battery = _File("battery.png")
-    """The picture of the batteries."""
+    """Battery chart."""
     terrain = _File("terrain.npz")
-    """The ground that it was flown over; not there if no raster knew it."""
+    """Terrain below the flight; absent without terrain data."""
     next_sortie = _File("next-sortie.json")
-    """The plan of what was left over."""
+    """Plan for what was left over."""
     day_plan = _File("day-plan.json")
-    """The day plan that it was flown by; not there for a single flight."""
+    """Day plan; absent for a single flight."""
     packs = _File("packs.json")
-    """What its packs gave; not there if none was changed."""
+    """Measurements of battery packs; absent if none was changed."""
     truths = _File("truth.jsonl")
-    """What a simulated fleet notes: what really happened, and when."""
+    """Ground truth of a simulated fleet."""
     lock = _File(".lock")
-    """The file that is locked while the directory is flown."""
+    """Lock file, held during the flight."""
     images_csv = _File("images.csv")
-    """The pictures of the flight, as a table."""
+    """Pictures of the flight as a table."""
     images_geojson = _File("images.geojson")
-    """The same with the assets, for maps."""
+    """Pictures and assets for maps."""
     images_sqlite = _File("images.sqlite")
-    """The same as tables, which the files of the cards are matched to."""
+    """Pictures as tables, to match the files of memory cards."""
     images_files = _File("images-files.csv")
-    """Which file is which picture."""
+    """Match of files to pictures."""
     assets = _File("assets.html")
     """The page of every asset with its pictures."""
 

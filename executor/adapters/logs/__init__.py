@@ -1,1 +1,1 @@
-"""Logs that the autopilots write themselves."""
+"""Read the logs that autopilots write on board."""

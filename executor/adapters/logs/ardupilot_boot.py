@@ -58,9 +58,9 @@ ERRORS: Mapping[int, tuple[str, str]] = MappingProxyType({
     30: ("other", "internal error"),
     31: ("gps", "dead reckoning failsafe"),
 })  # fmt: skip
-"""LogErrorSubsystem, but for what is no failsafe: initialising, a mode that was refused, a flip, a lane of the EKF."""
+"""LogErrorSubsystem, without those that are no failsafe: initialising, a refused mode, a flip, an EKF lane."""
 LOSS_OF_CONTROL = ("crash", 2)
-"""The crash check's other code: it flies on where it should not, or tumbles."""
+"""The crash check's second code: loss of control."""
 DISARMED_BY: Mapping[int, messages.OwnFailsafe] = MappingProxyType({
     5: messages.OwnFailsafe("other", True, "terminated"),
     6: messages.OwnFailsafe("other", True, "CPU failsafe"),
@@ -75,9 +75,9 @@ DISARMED_BY: Mapping[int, messages.OwnFailsafe] = MappingProxyType({
     24: messages.OwnFailsafe("ekf", True, "EKF failsafe"),
     33: messages.OwnFailsafe("gps", True, "dead reckoning failsafe"),
 })  # fmt: skip
-"""AP_Arming::Method, of ways to disarm that somebody must know of."""
+"""AP_Arming::Method values of disarms that the crew must know of."""
 Fields = Mapping[str, Any]
-"""Of a record, by their names."""
+"""Fields of a record, by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,24 +86,24 @@ class WantedColumns:
 
     columns: frozenset[str]
     every_usec: int = 0
-    """One that follows another of its instance sooner than this is passed over."""
+    """Shortest interval between records of an instance; more frequent ones are skipped."""
 
 
 STANDBY, ACTIVE = 3, 4
 ARMED_EVENTS, DISARMED, LANDED, NOT_LANDED = frozenset({10, 15, 28}), 11, 18, 28
-"""LogEvent: armed, auto-armed and not-landed; a log that begins with the arming misses the first of them."""
+"""LogEvent values: armed, auto-armed and not-landed; a log that begins at arming misses the first."""
 ARMS = "Arming motors"
 FAILURE = 2
-"""MAV_SEVERITY of a text that a .BIN keeps without one."""
+"""MAV_SEVERITY assumed for texts, which a .BIN keeps without one."""
 NO_MODE = 255
-"""No mode has this number: the log does not say which one it was in."""
+"""Mode number for an unknown mode."""
 MODE_WAIT_USEC = 10_000_000
-"""A log that was begun at the arming says its mode within its first seconds."""
+"""Time within which a log started at arming reports its mode."""
 THRUST = 0.05
 THRUST_ROWS = 3
-"""So many seconds of thrust without a word of arming: the log begins in the air."""
+"""Seconds of thrust without an arming record after which the log is taken to begin in the air."""
 STALE_USEC = 3_000_000
-"""After so long without it, the second best source of a place or a speed is taken."""
+"""Age after which the next best source of a position or a speed is used."""
 GPS_USEC = 1_000_000
 CAPACITY = "BATT_CAPACITY"
 FIXED = 3
@@ -123,12 +123,12 @@ WANTED: Mapping[str, WantedColumns] = {
         ("MAVC", "Cmd P2 SS Res", 0), ("PARM", "Name Value", 0),
     )
 }  # fmt: skip
-"""What is read of which record, and how often."""
+"""Columns read of each record, and how often."""
 _MODE_NUMBERS = {mode_name(ARDUPILOT, number).replace("_", "").upper(): number for number in range(29)} | {
     "AUTO": 3,
     "BRAKE": 17,
 }
-"""A log in text has a mode's name in the place of its number."""
+"""Mode numbers by name; text logs hold the name."""
 ArduPilotMessages = messages.FlightMessage | tuple[messages.FlightMessage, ...] | None
 
 
@@ -138,26 +138,26 @@ class ArduPilotBoot:
 
     first_usec: int | None = None
     begun: bool = False
-    """Whether it can be followed: its mode is known, or will never be."""
+    """Whether decoding has begun: the mode is known, or never will be."""
     mode: int = NO_MODE
     armed: bool = False
     arming_told: bool = False
     changed: bool = False
-    """Whether a HEARTBEAT would say something new."""
+    """Whether the next HEARTBEAT would differ."""
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """North, east, down, by the filter that POS is by."""
+    """North, east, down, by the filter behind POS."""
     filtered_usec: int = -STALE_USEC
     placed_usec: int = -STALE_USEC
     height_m: float | None = None
-    """Above home, by CTUN."""
+    """Height above home, by CTUN."""
     items: dict[int, MissionItem] = field(default_factory=dict)
-    """Of its mission, by their numbers."""
+    """Mission items by number."""
     begun_msl_m: float | None = None
     thrust_rows: int = 0
     capacity_ah: float = 0.0
-    """Of its first pack, as it is set; 0 where nobody says it."""
+    """Configured capacity of its first pack; 0 if unknown."""
     fix: tuple[int, int] = (-GPS_USEC, -1)
-    """When it was told last, and which one."""
+    """Time and type of the last reported fix."""
 
     def begin_when_known(self, t_usec: int) -> bool:
         """Return whether it can be followed from now on."""
@@ -350,4 +350,4 @@ READERS: Mapping[str, Callable[[ArduPilotBoot, int, Fields], ArduPilotMessages]]
     "MSG": _read_message, "MISE": _read_started_item,
     "CMD": _read_mission_item,
 }  # fmt: skip
-"""By the kind of the record."""
+"""Readers by record type."""

@@ -29,38 +29,38 @@ from executor.errors import LogError
 HEAD = b"\xa3\x95"
 HEAD_SIZE, FMT, FMT_SIZE = 3, 128, 89
 PADDING, PADDED = frozenset({0x00, 0xFF}), 16
-"""What fills the end of a block of the flash, or of a file that was cut off when the battery was pulled."""
+"""Padding at the end of a flash block, or of a file cut off when the battery was pulled."""
 HIGHEST = 256
 INSTANCES = ("Inst", "Instance", "I", "C")
-"""What a column is called that tells packs, receivers and filters apart."""
+"""Names of the column that tells packs, receivers and filters apart."""
 LARGEST_LINE = 4096
 Row = tuple[int | None, str, Fields]
-"""Microseconds since the autopilot's boot, the kind, its wanted fields; old kinds have no time of their own."""
+"""Microseconds since boot, record type, wanted fields; old types have no time."""
 SYSTEM = 1
-"""Where the log does not say which system wrote it (MAV_SYSID, SYSID_THISMAV)."""
+"""System id if the log holds none (MAV_SYSID, SYSID_THISMAV)."""
 SYSTEM_PARAMETERS = frozenset({"MAV_SYSID", "SYSID_THISMAV"})
 MOST_SYSTEMS = 256
 BEAT_USEC = 1_000_000
 LATE_USEC = 5_000_000
-"""Records of one boot are out of order by less."""
+"""Most that records of one boot are out of order."""
 LEAP_USEC = 600_000_000
 AGREES_USEC = 60_000_000
-"""A clock that leaps by more than ten minutes is believed if the next record agrees."""
+"""Tolerance within which the next record must confirm a clock jump of more than ten minutes."""
 SURVEY_ROWS = 20_000
-"""Parameters and texts at the beginning in which a log says who wrote it."""
+"""Leading parameters and texts in which a log identifies its vehicle."""
 MOST_HELD = 5000
 TOLD_ONCE = frozenset({"MODE", "EV", "ERR", "PARM", "MSG"})
-"""What is kept of the time before the first fix in a log that has no other clock than the satellites'."""
+"""Records kept from before the first fix in a log whose only clock is GPS."""
 FIXED = 3
 COPTER = 2
-"""MAV_TYPE: the log does not say how many rotors a copter has."""
+"""MAV_TYPE of a copter; the log does not give the number of rotors."""
 FIRMWARE = re.compile(r"(Ardu|APM:? ?)?(?P<name>Copter|Plane|Rover|rover2|Sub|Blimp|AntennaTracker)\b.* V?\d")
 TYPES = {"Copter": COPTER, "Plane": 1, "Rover": 10, "rover2": 10, "Sub": 12, "Blimp": 7, "AntennaTracker": 5}
 """MAV_TYPE of a firmware."""
 OTHERS_KINDS = {"TECS": 1, "AETR": 1, "STER": 10}
-"""Records that only an aeroplane's or a rover's firmware describes."""
+"""Record types that only plane or rover firmware defines."""
 SDLOG2 = frozenset({"TIME", "STAT", "GPOS"})
-"""PX4's logs before version 1.5 are of the same form, with records of their own."""
+"""Record types of PX4 logs before 1.5, which have the same format."""
 SURVEYED = {
     name: WantedColumns(frozenset(columns.split())) for name, columns in (("MSG", "Message"), ("PARM", "Name Value"))
 }
@@ -74,10 +74,10 @@ class RecordKind:
     wanted: WantedColumns
     in_text: bool
     newest: dict[int, int] = field(default_factory=dict)
-    """When a record was taken last, by its instance."""
+    """Time of the last record taken, by instance."""
     columns: tuple[str, ...] = field(init=False)
     time_column: str = field(init=False)
-    """Empty if it has no time of the autopilot's own."""
+    """Column of the autopilot's time; empty if there is none."""
     instance_column: str = field(init=False)
     layout: struct.Struct = field(init=False)
 
@@ -116,11 +116,11 @@ class Rows(ABC):
     wanted: Mapping[str, WantedColumns]
     skipped: SkippedRecords
     formats: dict[int | str, RecordKind] = field(default_factory=dict)
-    """Of what is wanted, by number; in text by name."""
+    """Formats of wanted records, by number; in text logs by name."""
     kinds: set[str] = field(default_factory=set)
-    """That the log describes, wanted or not."""
+    """All record types that the log defines."""
     in_text: ClassVar[bool] = False
-    """Whether its fields are texts, with the numbers in their own units."""
+    """Whether fields are text, with numbers in display units."""
     _in_garbage: bool = False
 
     @property
@@ -153,7 +153,7 @@ class BinaryRows(Rows):
     """A .BIN."""
 
     sizes: list[int] = field(default_factory=lambda: [0] * HIGHEST)
-    """Of whole records, by their number; 0 where no format was seen."""
+    """Record sizes by number; 0 without a format."""
 
     def __iter__(self) -> Iterator[Row]:
         self.sizes[FMT] = FMT_SIZE
@@ -257,9 +257,9 @@ class DataFlashFile(RecordedFile):
     vehicle_type: int = COPTER
     _now_usec: int | None = None
     _held: list[tuple[str, Fields]] = field(default_factory=list)
-    """Records without a time, before the first one that has one."""
+    """Records without a time before the first one with a time."""
     _doubted: tuple[int, str, Fields] | None = None
-    """A record whose time is far from that of the others."""
+    """A record whose time is implausible until the next one confirms it."""
     _boot: ArduPilotBoot = field(default_factory=ArduPilotBoot)
     _beat_usec: int = 0
 

@@ -29,14 +29,14 @@ DO_SET_MODE = 176
 SWITCH_MODE = 7
 """action_request.action."""
 REQUESTED_BY = MappingProxyType(dict.fromkeys((0, 1, 2, 3), messages.Actor.PILOT))
-"""action_request.source: a gesture of the sticks, a switch, a button, the mode switch."""
+"""action_request.source: stick gesture, switch, button, mode switch."""
 MODE_SWITCHES = (
     "mode_slot", "mode_switch", "return_switch", "loiter_switch", "posctl_switch", "offboard_switch", "acro_switch",
     "rattitude_switch", "stab_switch", "man_switch",
 )  # fmt: skip
-"""Of manual_control_switches, and before 1.12 of manual_control_setpoint."""
+"""Fields of manual_control_switches; before 1.12, of manual_control_setpoint."""
 ORDERED_USEC = 1_500_000
-"""So long after an order a mode changes because of it: the commander looks at its orders many times a second."""
+"""Time after a command within which it causes a mode change; the commander polls many times a second."""
 FAILED: Mapping[str, tuple[str, str]] = MappingProxyType({
     # failsafe_flags, since 1.14
     "battery_low_remaining_time": ("battery", "battery: too little for the way home"),
@@ -65,21 +65,21 @@ FAILED: Mapping[str, tuple[str, str]] = MappingProxyType({
     "data_link_lost": ("ground station", "ground station lost"),
     "engine_failure": ("motor", "motor failed"),
 })  # fmt: skip
-"""Flags, and what kind of failsafe they are a reason for."""
+"""Flags, and the kind of failsafe that each triggers."""
 VALID: Mapping[str, tuple[str, str]] = MappingProxyType({
     "condition_global_position_valid": ("gps", "global position invalid"),
     "condition_local_position_valid": ("ekf", "local position invalid"),
     "condition_local_velocity_valid": ("ekf", "local velocity invalid"),
     "condition_battery_healthy": ("battery", "battery unhealthy"),
 })  # fmt: skip
-"""vehicle_status_flags, before 1.14: what is well."""
+"""vehicle_status_flags before 1.14: flags of valid conditions."""
 CRITICAL = 2
 """battery_warning of failsafe_flags and battery_status: critical, and above it emergency and failed."""
 UNNAMED = ("other", "failsafe")
-"""The log has no flag that would say what failed."""
+"""Failure names for logs without a flag for the cause."""
 QUADROTOR = 2
 TYPES: Mapping[int, int] = {2: 1, 3: 10, 4: 7}
-"""vehicle_status.vehicle_type to MAV_TYPE, but for rotary wings: fixed wing, rover, airship."""
+"""vehicle_status.vehicle_type to MAV_TYPE, except rotary wing: fixed wing, rover, airship."""
 STANDBY, ACTIVE, CRITICAL_STATE = 3, 4, 5
 HALF = 128
 CHANNELS = 18
@@ -96,15 +96,15 @@ MODES: Mapping[int, int] = {
 WARNINGS: Mapping[int, int] = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
 """battery_status.warning to MAV_BATTERY_CHARGE_STATE: none, low, critical, emergency, failed."""
 STALE_USEC = 3_000_000
-"""After so long without the filter's place, the receiver's is taken."""
+"""Age after which the GPS position is used instead of the filter's."""
 FIXED = 3
 UNKNOWN_M = 100.0
-"""A receiver without a fix says that it may be off by more."""
+"""Accuracy beyond which a receiver has no fix."""
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 OF_EACH = frozenset({"sensor_gps"})
-"""Topics of which each receiver has one: the first is read."""
+"""Topics with one instance per receiver; the first is read."""
 LONGEST_USEC = 3 * 86400 * 1_000_000
-"""No flight lasts longer: a time farther from the log's beginning is damaged. A simulated PX4 has the world's clock."""
+"""Longest flight; a time farther from the log's start is damaged. A simulated PX4 uses world time."""
 
 
 TopicRow: TypeAlias = Mapping[str, float]
@@ -120,20 +120,20 @@ class Px4State:
     """Mode, and whether it is armed."""
     beat_usec: int = -BEAT_USEC
     velocity_m_s: tuple[float, float, float] | None = None
-    """North, east, down, by the local position."""
+    """North, east, down, from the local position."""
     height_m: float | None = None
-    """By the local position: above where the filter began."""
+    """Height above the filter's origin, from the local position."""
     begun_msl_m: float | None = None
     placed_usec: int = -STALE_USEC
     received_usec: int = -STALE_USEC
     landed: bool | None = None
     item: tuple[int, int] | None = None
     failing: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """Flags that are up in the order in which they rose, with what they are about."""
+    """Raised flags in order of time, with their subjects."""
     failed: messages.OwnFailsafe | None = None
-    """What acts now."""
+    """Failsafe that acts now."""
     asked: tuple[int, messages.Actor] = (-ORDERED_USEC, messages.Actor.UNKNOWN)
-    """When a mode was asked for last, and by whom."""
+    """Time and author of the last mode request."""
     switches: tuple[int, ...] | None = None
     finished: bool = False
 
@@ -365,7 +365,7 @@ class TopicReader:
 
     read: Callable[[Px4State, int, TopicRow], Px4Messages]
     every_usec: int = 0
-    """One row in so long is enough."""
+    """Shortest interval between rows to read."""
 
 
 TOPICS: Mapping[str, TopicReader] = {
@@ -388,7 +388,7 @@ TOPICS: Mapping[str, TopicReader] = {
     "input_rc": TopicReader(_read_rc_channels, 190_000),
     "mission_result": TopicReader(_read_mission_result),
 }
-"""By their names."""
+"""Readers by topic name."""
 
 
 @dataclass(slots=True)
@@ -447,7 +447,7 @@ class UlogFile(recorded_log.RecordedFile):
 
 
 _Turn = tuple[int, Callable[[Px4State, int, Any], Px4Messages], Any]
-"""When it is whose turn to be read."""
+"""Next row of each topic: time, reader, row."""
 
 
 def _repeat(_: Px4State, __: int, told: messages.FlightMessage) -> Px4Messages:

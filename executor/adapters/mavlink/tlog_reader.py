@@ -38,50 +38,50 @@ from executor.core.telemetry.plausibility import filter_implausible
 from missions import PX4
 
 BACK_USEC = 1_000_000
-"""Frames of several links are out of order by less."""
+"""Most that frames of several links are out of order."""
 AHEAD_USEC = 2_000_000
-"""A shorter pause is one of any link, and costs nothing."""
+"""Pauses shorter than this are normal for a link."""
 SET_USEC = 1_500_000
-"""A clock that is off by less was not set."""
+"""Least step of the recorder's clock that counts as set."""
 ALIKE_USEC = 500_000
-"""By so much both may differ after it was set; frames that were held back catch up by more."""
+"""Tolerance between both clocks after a step; delayed frames catch up by more."""
 SEEN_USEC, LOOKS_USEC = 2_500_000, 10_000_000
-"""For so long both must go on alike where the leap itself is short, and for so long is looked ahead."""
+"""Time for which both clocks must agree after a short step, and look-ahead for it."""
 SHORT_USEC = 60_000_000
 LONGEST_PAUSE_USEC = 86_400_000_000
-"""Where no vehicle's clock says anything a longer pause of a recorder is a clock that was set."""
+"""Without a vehicle clock, a longer pause counts as a clock step."""
 EVERY_USEC = 450_000
-"""Of a battery's reports no watchpoint needs more than two a second."""
+"""Interval of battery reports; watchpoints need two a second."""
 SLOW_USEC = 950_000
-"""Of everything else one a second is enough."""
+"""Interval of all other messages; one a second suffices."""
 POSITION_USEC = 1_400_000
-"""Of positions two in three seconds: of one in two each would be called late."""
+"""Interval of positions; at two seconds each would count as late."""
 STEADY_USEC = 2_900_000
-"""Of what is repeated until it changes, one in three seconds."""
+"""Interval of messages that repeat until they change."""
 RC_USEC = 190_000
-"""A switch is seen at once."""
+"""Interval of RC channels, so that a switch is seen at once."""
 MARKS = frozenset(HEADS)
 STAMP = 8
 LONGEST = STAMP + 10 + 255 + 2 + 13
 STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
-"""Where a log was damaged, a record counts whose time is within three days of the last (as pymavlink does)."""
+"""In a damaged log, the next record must be within three days of the last one (as in pymavlink)."""
 GAP_USEC = 900_000
-"""Where nothing came of a system for so long, it is said that time passed before its next message."""
+"""Silence of a system after which passing time is reported before its next message."""
 BEAT_FRAMES = 20
-"""Not every frame is looked at: one HEARTBEAT stands for so many more, for texts whose other parts are waited for."""
+"""Frames that one HEARTBEAT stands for, as not every frame is read; texts wait that long for further parts."""
 ENOUGH_FRAMES = 80
-"""Counts of frames are handed on with a HEARTBEAT once there are as many."""
+"""Number of frames after which counts are reported with a HEARTBEAT."""
 HALF = 128
-"""A sequence number that is ahead by more is one that was overtaken on the way."""
+"""Sequence numbers ahead by more than this arrived out of order."""
 POSITION = "GLOBAL_POSITION_INT"
 LOCAL_POSITION, TARGET_POSITION = "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"
 MOST_NAMED = 8
 BOOT_TIMED = frozenset({POSITION, "ATTITUDE"})
 _HEAD = struct.Struct(">Q5B")
 LOOKAHEAD = 1 << 16
-"""Bytes of a piece that are left to the next one, so that what follows a leap of the clock is there to look at."""
+"""Bytes of a piece held back for the next one, as look-ahead after a clock step."""
 LEAST = 18
-"""Bytes of the shortest records: a time, and a frame of the older version without a field."""
+"""Bytes of the shortest record: a time, and a MAVLink 1 frame without payload."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,12 +127,12 @@ _EVERY_USEC = {
     **dict.fromkeys(("HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "MISSION_ITEM_REACHED"), 0),
     **dict.fromkeys(ORDERS | ITEMS, 0),
 }
-"""How often one of them is wanted; RADIO_STATUS is also what SiK radios send."""
+"""Wanted interval by message; SiK radios send RADIO_STATUS too."""
 NO_BEATS = ORDERS | ITEMS | {
     "STATUSTEXT", message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS",
     "ATTITUDE", LOCAL_POSITION, TARGET_POSITION,
 }  # fmt: skip
-"""What comes once, or comes often: of who is no vehicle it does not even tell that time passes."""
+"""Messages that do not mark passing time when they are not from a vehicle."""
 
 
 class WantedKind(NamedTuple):
@@ -140,7 +140,7 @@ class WantedKind(NamedTuple):
 
     name: str
     every_usec: int
-    """One that follows another sooner than this is passed over."""
+    """Shortest interval; more frequent ones are skipped."""
     extra: int
     """CRC_EXTRA: part of its checksum."""
 
@@ -150,7 +150,7 @@ KINDS: Mapping[int, WantedKind] = {
     for kind in mav.mavlink_map.values()
     if kind.msgname in _EVERY_USEC
 } | {message_readers.EVENT: WantedKind(message_readers.EVENT_NAME, 0, message_readers.EVENT_EXTRA)}
-"""By message id."""
+"""Wanted messages by id."""
 
 
 @dataclass(slots=True)
@@ -162,7 +162,7 @@ class _Source:
     missing: int = 0
     vehicle: bool = False
     boot: BootTime | None = None
-    """Its own time when it said it last."""
+    """Time since boot that the vehicle last reported."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
 
 
@@ -172,14 +172,14 @@ class _MessageStream:
 
     source: _Source
     kind: WantedKind | None
-    """None if they are not read."""
+    """None if these messages are not read."""
     system: int
     component: int
     every_usec: int
     newest_usec: int = -STEADY_USEC
-    """When one was read last."""
+    """Time of the last one read."""
     told_usec: int = -STEADY_USEC
-    """When one was handed on last, of those that are all read."""
+    """Time of the last one passed on, of messages that are all read."""
 
 
 @dataclass(slots=True)
@@ -192,19 +192,19 @@ class TelemetryFile(RecordedFile):
     _codec: MavlinkCodec = field(default_factory=lambda: MavlinkCodec(overhears=True))
     _sources: dict[int, _Source] = field(default_factory=dict)
     _vehicles: dict[int, _Source] = field(default_factory=dict)
-    """Who speaks for each system, once its HEARTBEAT came."""
+    """Autopilot of each system, once its HEARTBEAT has been received."""
     _lanes: dict[bytes, _MessageStream] = field(default_factory=dict)
-    """By system, component and id as the frame has them."""
+    """Streams by system, component and message id, as in the frame."""
     _stamp: int = 0
-    """Of the last record, as it stands there."""
+    """Recorded time of the last record."""
     _shift: int = 0
-    """What the recorder's clock was set by since the first record, taken back."""
+    """Correction for steps of the recorder's clock since the first record."""
     _began: int = 0
     _sets: int = 0
     _channels: dict[int, int] = field(default_factory=dict)
-    """How many each system tells at most: ArduPilot sends the first eight once more."""
+    """Channels reported by each system; ArduPilot repeats the first eight."""
     _downs_m: dict[int, float] = field(default_factory=dict)
-    """How far below where its filter began each system is."""
+    """Local down position of each system."""
 
     def read_records(self) -> Iterator[Record]:
         """Yield (t_usec, system, message) in the order of the file; a message of None is time passing.

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import IO
 
 MOST_BYTES = 64_000_000
-"""Of one part: some ten hours of one vehicle, and what other programs still open at once."""
+"""Most bytes of one part: about ten hours of one vehicle, and small enough for other programs."""
 HELD_USEC = 1_000_000
-"""What is younger may be lost if this process is killed: a write to the system for every frame would be a cost."""
+"""Longest time that frames are buffered; they are lost if the process is killed."""
 _STAMP = struct.Struct(">Q")
 
 

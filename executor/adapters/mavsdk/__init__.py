@@ -1,1 +1,1 @@
-"""Vehicles that are reached through MAVSDK, in this process."""
+"""Connect vehicles through MAVSDK, in this process."""

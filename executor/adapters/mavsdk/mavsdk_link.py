@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from mavsdk.system import System
 
 WANTED_BY = 'backend = "mavsdk"'
-"""As the site file says it."""
+"""Setting in the site file that needs MAVSDK."""
 MOST_AT_ONCE = 16
-"""MAVSDKs in one process: with 24 it wrote beyond its memory, and the process died (measured). One holds any fleet."""
+"""Most MAVSDK instances in one process; 24 crashed it (measured). One serves a whole fleet."""
 
 
 def load_mavsdk() -> None:
@@ -87,10 +87,10 @@ def add_mavsdk_connection(mavsdk: Mavsdk, connection: str) -> None:
 
 
 ENDS_S = 10.0
-"""Real seconds that MAVSDK may take to end; a thread of it that hangs is left behind."""
+"""Real seconds for MAVSDK to end; a hanging thread is abandoned."""
 
 Fields = Mapping[str, object]
-"""A message's fields by their MAVLink names, as JSON has them: null for what is no finite number."""
+"""Message fields by MAVLink name, as in JSON: null for non-finite numbers."""
 
 
 class Translator(Protocol):

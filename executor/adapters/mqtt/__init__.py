@@ -1,1 +1,1 @@
-"""MQTT: what the flight looks like goes out, the operator's intents come in; nothing here delays a flight."""
+"""MQTT: publish the flight, take the operator's intents; nothing here delays a flight."""

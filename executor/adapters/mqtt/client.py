@@ -21,7 +21,7 @@ from executor.adapters.mqtt.topics import BrokerAddress
 from executor.core.interface.commands import Level
 
 MOST_KEPT = 500
-"""Messages of a topic that wait at most, beside those under way; of more the oldest are dropped, and counted."""
+"""Most queued messages of a topic, besides those in flight; the oldest are dropped and counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +41,12 @@ class Outbox:
         self._cells: dict[str, MqttMessage] = {}
         self._row: deque[MqttMessage] = deque()
         self._queued: set[str] = set()
-        """Topics whose messages wait in the row."""
+        """Topics in the queue."""
         self._retained: dict[str, MqttMessage] = {}
         self._closed = False
         self._ready = asyncio.Event()
         self.dropped: dict[str, int] = {}
-        """How many messages of a topic were given up because too many waited."""
+        """Number of dropped messages by topic."""
 
     def __len__(self) -> int:
         return len(self._cells) + len(self._row)
@@ -112,24 +112,24 @@ class Outbox:
 
 
 ANSWER_S = 5.0
-"""A broker that sends no PUBACK for so long counts as disconnected."""
+"""Seconds without a PUBACK after which the broker counts as disconnected."""
 LEAST_BYTES_PER_S = 1000.0
-"""A slower line is as good as none: what is under way may take so much longer."""
+"""Slowest usable line; it sets how long messages in flight may take."""
 KEEPALIVE_S = 60
-"""Long, because a ping waits behind a plan on a slow line; who is silent is noticed by what is not acknowledged."""
+"""MQTT keep-alive. Long, as a ping waits behind a plan on a slow line; missing PUBACKs show a silent broker."""
 WAITS_S = (1.0, 2.0, 4.0, 8.0, 15.0)
-"""Between attempts to connect; the last stands for all that follow."""
+"""Pauses between attempts to connect; the last one repeats."""
 STEADY_S = 30.0
-"""A connection that lasted so long was a good one: after it the waits begin anew."""
+"""Duration of a connection after which the pauses start anew."""
 PROTOCOLS = {"3.1.1": aiomqtt.ProtocolVersion.V311, "5": aiomqtt.ProtocolVersion.V5}
 QOS = 1
-"""Of everything: what is not acknowledged fills the buffers of a slow line with what is old by then."""
+"""QoS of all messages; unacknowledged ones would fill a slow line with outdated data."""
 BATCH = 10
-"""Messages under way at once: with a round trip of 0.5 s that is 20 a second."""
+"""Most messages in flight: 20 a second at a round trip of 0.5 s."""
 INBOX = 50
-"""Messages that may wait to be taken; of more the newest are left out."""
+"""Most incoming messages that wait; the newest are dropped."""
 FLUSH_S = 3.0
-"""Real seconds after the flight for what still waits."""
+"""Real seconds after the flight to send what is queued."""
 
 _log = logging.getLogger("faultline.mqtt")
 # Nobody reads it: what goes wrong is said by `say`, once, and not for every packet.
@@ -142,9 +142,9 @@ class Presence(Enum):
 
     ONLINE = "ONLINE"
     OFFLINE = "OFFLINE"
-    """The flight has ended, or is not supervised any more."""
+    """The flight has ended, or is no longer supervised."""
     BROKEN = "CONNECTIONBROKEN"
-    """The broker says so itself: the connection ended without a word."""
+    """Sent by the broker as last will: the connection broke."""
 
 
 @dataclass(eq=False, repr=False)
@@ -152,19 +152,19 @@ class MqttClient:
     """Keeps one broker informed."""
 
     _broker: BrokerAddress
-    """Where to."""
+    """Address of the broker."""
     _outbox: Outbox
-    """What waits to be sent."""
+    """Messages to send."""
     _presence: Callable[[Presence], MqttMessage]
-    """Makes the message that says whether we are there."""
+    """Builds the presence message."""
     _topic: str
-    """What is listened to."""
+    """Topic to subscribe to."""
     _take: Callable[[bytes, bool], None]
-    """Called with every message that comes in, and whether the broker had kept it; must not wait."""
+    """Called with every incoming message, and whether it was retained; must not block."""
     _say: Callable[[Level, str], None]
-    """Called with what the operator should know of the connection."""
+    """Called with lines for the operator."""
     _clear: bool = False
-    """Whether the broker is to forget in the end what it holds."""
+    """Whether to clear retained messages at the end."""
     _closing: asyncio.Event = field(default_factory=asyncio.Event)
     _was_there: bool = False
     _complained: bool = False

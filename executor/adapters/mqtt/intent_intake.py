@@ -29,21 +29,21 @@ class IntakeRules:
     max_age_s: float
     token: str | None = field(default=None, repr=False)
     closed: str = ""
-    """Why none are taken at all; empty if they are."""
+    """Reason why no intents are taken; empty if they are."""
 
 
 MOST_BYTES = 4096
 MOST_A_SECOND = 5.0
-"""Intents that are taken in the long run; each is written to the event log."""
+"""Sustained rate of intents; each is written to the event log."""
 BURST = 20
 _ALLOWED = Bucket(MOST_A_SECOND, BURST)
 MOST_REASON = 200
-"""Letters of a refusal."""
+"""Most characters of a refusal."""
 SOURCE = "mqtt"
 ID = r"^[A-Za-z0-9._:-]{1,64}$"
 NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 TOLD_EVERY_S = 10.0
-"""Real seconds between two lines for the operator about messages that were refused."""
+"""Real seconds between two lines for the operator about refused messages."""
 
 
 class IntakeReason(ReasonCode):
@@ -61,15 +61,15 @@ class IntentMessage(IntentBody):
     """What an operator wants; acknowledged on `intent/ack` under its `id`."""
 
     headerId: Annotated[int, Field(ge=0, le=2**32 - 1)] | None = None  # noqa: N815 - VDA 5050's name
-    """Counted by the sender; not looked at."""
+    """Sender's counter; ignored."""
     timestamp: AwareDatetime
-    """When it was written, ISO 8601 with its offset from UTC. An old one is refused."""
+    """Time of writing, ISO 8601 with UTC offset. Old intents are refused."""
     version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.5.0"
-    """Of these topics and payloads."""
+    """Version of these topics and payloads."""
     vehicle: Annotated[str, Field(pattern=NAME)] | None = None
-    """Whose; left out for `replan`, `prove`, `close`, `open`, `count`, `abort`, `prepare` and `take-off`."""
+    """Vehicle; omitted for `replan`, `prove`, `close`, `open`, `count`, `abort`, `prepare` and `take-off`."""
     token: Annotated[str, Field(max_length=256)] | None = None
-    """Needed where the site names one."""
+    """Token; required if the site names one."""
 
     @model_validator(mode="after")
     def _check_addressee(self) -> IntentMessage:
@@ -96,7 +96,7 @@ class RefusedMessage:
     """A message that is not carried out."""
 
     id: str | None
-    """The intent's, where it could be read."""
+    """Id of the intent, if readable."""
     reason: str
     code: IntakeReason
 
@@ -154,22 +154,22 @@ class IntentIntake:
     """Takes what comes in, as fast as an operator could mean it."""
 
     _rules: IntakeRules
-    """What the site demands."""
+    """Rules of the site."""
     _clock: Callable[[], float]
-    """Seconds since 1970."""
+    """Unix time."""
     _monotonic_s: Callable[[], float]
-    """Real seconds that never go back."""
+    """Monotonic real seconds."""
     _accept: Callable[[Intent], None]
     """Called with every intent."""
     _refuse: Callable[[RefusedMessage], None]
-    """Called with what is refused, as long as it is not too much."""
+    """Called with refused messages, at a limited rate."""
     _say: Callable[[Level, str], None]
-    """Called with what the operator should know."""
+    """Called with lines for the operator."""
     _accepting: Bucket = _ALLOWED
     _refusing: Bucket = _ALLOWED
     _told_s: float = float("-inf")
     refused: int = 0
-    """Messages that were not carried out."""
+    """Number of refused messages."""
 
     def handle_message(self, payload: bytes, retained: bool) -> None:
         """Take one message; an empty one only clears what the broker had kept."""

@@ -38,13 +38,13 @@ class MqttPayload(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True, use_attribute_docstrings=True)
 
     headerId: Annotated[int, Field(ge=0, le=2**32 - 1)]  # noqa: N815 - VDA 5050's name
-    """Counted for each topic from 0; the same number twice is the same message twice, a gap is what was dropped."""
+    """Counter of the topic, from 0: a repeated number is a duplicate, a gap is dropped messages."""
     timestamp: str
-    """When it was written: ISO 8601, UTC, by the ground station's clock."""
+    """Time of writing on the ground station's clock, ISO 8601 in UTC."""
     version: str = VERSION
-    """Of these topics and payloads."""
+    """Version of these topics and payloads."""
     run: str
-    """The flight: the name of its run directory."""
+    """Name of the flight's run directory."""
 
 
 class ConnectionMessage(MqttPayload):
@@ -67,70 +67,70 @@ class TelemetryMessage(MqttPayload):
     state: str
     position: PositionView | None
     battery_pct: float | None
-    """As the vehicle measures it."""
+    """Battery level reported by the vehicle."""
     link_age_s: float | None
-    """Since it was heard."""
+    """Seconds since the last message from it."""
     link_loss: float | None
     """Share of frames lost in the last seconds."""
     segment: int | None
-    """The segment that it inspects or flies to."""
+    """Segment being inspected or approached."""
     segment_name: str | None
-    """The same by the name of the asset."""
+    """Asset name of that segment."""
     segment_share: float | None
-    """How much of it is behind the vehicle, from 0 to 1."""
+    """Share of it that is done, from 0 to 1."""
 
 
 class FleetStateMessage(MqttPayload):
     """The flight as a whole; retained, on every change and at least every ten seconds."""
 
     flight_s: float | None
-    """Since the launch."""
+    """Seconds since the launch."""
     revision: int
-    """Of the plan."""
+    """Plan revision."""
     vehicles: tuple[str, ...]
     segments_total: int
     inspected: tuple[int, ...]
     uncovered: tuple[int, ...]
-    """Given up: segments that nobody can inspect."""
+    """Segments that no vehicle can inspect."""
     missed: tuple[int, ...]
-    """Segments that were flown but not seen: pictures of them are missing."""
+    """Segments flown but without the required pictures."""
     replan: ReplanView | None
-    """The re-plan under way."""
+    """Re-plan in progress."""
     all_silent: bool
-    """Whether nobody at all is heard."""
+    """Whether no vehicle is heard."""
     recalled: bool
     """Whether the flight was aborted."""
     finished: bool
     min_separation_m: float | None
-    """The nearest that two flying vehicles came to each other."""
+    """Least distance between two flying vehicles so far."""
     checks: tuple[Check, ...]
-    """The checklist before the flight."""
+    """Checklist before the flight."""
     question: Question | None
-    """What the crew is asked now, before the flight: an intent with its `id` as the action answers it."""
+    """Question to the crew before the flight; an intent whose action is its `id` answers it."""
     offer: OfferView | None
-    """Vehicles on the ground that could take over work: `include` starts one, when its pad is clear."""
+    """Vehicles on the ground that could take over work; `include` starts one once its pad is clear."""
     radios: tuple[RadioView, ...]
-    """Of vehicles behind telemetry radios: what each carries, and whether it is congested or weak."""
+    """Telemetry radios: throughput, and whether each is congested or weak."""
     dropped: dict[str, int]
-    """Messages of a topic that were given up, as too many waited for the broker."""
+    """Dropped messages by topic, as too many were queued."""
 
 
 class AssetsMessage(MqttPayload):
     """What became of each asset that asks for pictures; retained."""
 
     assets_total: int
-    """How many there are."""
+    """Number of assets."""
     assets: tuple[AssetView, ...]
-    """All but those that are open and have no picture yet."""
+    """Assets, except open ones without a picture."""
 
 
 class EventMessage(MqttPayload):
     """One line for the operator: a decision with its reason."""
 
     at_s: float
-    """By the flight's clock."""
+    """Time on the flight's clock."""
     flight_s: float | None
-    """Since the launch, as the page and the terminal show it; none before it."""
+    """Seconds since the launch, as on the page and in the terminal; null before it."""
     level: Literal["info", "warning", "fault"]
     text: str
 
@@ -140,12 +140,12 @@ class FaultMessage(MqttPayload):
 
     vehicle: str
     code: FaultCode
-    """What was found."""
+    """Fault code."""
     kind: str
-    """link, battery, interruption, fence, operator, or another of the core's words."""
+    """Kind: link, battery, interruption, fence, operator, or another of core's terms."""
     reason: str
     detected_s: float
-    """By the flight's clock."""
+    """Time on the flight's clock."""
 
 
 class PlanMessage(MqttPayload):
@@ -153,49 +153,49 @@ class PlanMessage(MqttPayload):
 
     revision: int
     parts: Annotated[int, Field(ge=1)] = 1
-    """Of the plan, this message included: part 2 is on `fleet/plan/2`, and so on."""
+    """Number of parts of the plan, this one included: part 2 is on `fleet/plan/2`, and so on."""
     plan: Annotated[dict[str, Any], document_of(PlanFile)]
-    """As a plan file has it (faultline-plan/2)."""
+    """Plan as in a plan file (faultline-plan/2)."""
 
 
 class PlanPartMessage(MqttPayload):
     """More segments of a large plan; retained."""
 
     revision: int
-    """Of the plan that they belong to."""
+    """Revision of their plan."""
     part: Annotated[int, Field(ge=2)]
     parts: int
     segments: Annotated[list[dict[str, Any]], document_of(tuple[PlanSegment, ...])]
-    """They follow those of the part before, in the plan's `segments`."""
+    """Segments that continue the plan's `segments` after those of the previous part."""
     tracks_m: Annotated[list[Any], document_of(tuple[tuple[Place, Place], ...])]
-    """The same of the plan's `model.tracks_m`; empty where it has no `model`."""
+    """The same for the plan's `model.tracks_m`; empty if it has no `model`."""
 
 
 class AcknowledgementMessage(MqttPayload):
     """What became of an intent; once when it is taken or refused, and again when it comes to its end."""
 
     id: str | None
-    """The intent's; none where it could not be read."""
+    """Id of the intent; null if unreadable."""
     action: str | None = None
     vehicle: str | None = None
     outcome: Literal["accepted", "done", "refused", "failed"]
-    """accepted: under way."""
+    """Outcome; accepted means in progress."""
     code: IntentReason | Ending | IntakeReason | None = None
-    """Why it is refused, or failed: a word for programs; none where it was not."""
+    """Machine-readable reason for refused or failed; null otherwise."""
     text: str
-    """Why, in words."""
+    """Reason in words."""
     question: str = ""
-    """What has to be confirmed first, where that is why it is refused: another intent with `confirmed` answers it."""
+    """Question to confirm if that is why it was refused; a new intent with `confirmed` answers it."""
 
 
 AT_LEAST_EVERY_S = 10.0
-"""Real seconds after which a state is published though nothing has changed."""
+"""Longest real seconds between two states, even if nothing has changed."""
 ASSETS_EVERY_S = 10.0
-"""Real seconds between two messages about assets, at least: each picture changes them."""
+"""Least real seconds between two messages about assets, which change with each picture."""
 ASSETS_S_PER_BYTE = 0.001
-"""What a message about thousands of them adds to that: a slow line has others to carry."""
+"""Additional pause per byte of that message, for a slow line."""
 MOST_PLAN_BYTES = 120_000
-"""Of one message about a plan: brokers of clouds take 128 KB."""
+"""Most bytes of one plan message; cloud brokers take 128 KB."""
 Content = Mapping[str, object]
 _FLEET = tuple(name for name in FleetStateMessage.model_fields if name in FleetView.__dataclass_fields__)
 
@@ -223,7 +223,7 @@ class Publisher:
         self._plan_parts = 1
         self._assets: Sequence[AssetView] | None = None
         self._assets_s = (float("-inf"), 0.0)
-        """When they were looked at last, and for how long that will do."""
+        """Time of the last check of assets, and how long it remains valid."""
 
     def build_presence(self, state: Presence) -> MqttMessage:
         """Return the message that says whether we are there."""

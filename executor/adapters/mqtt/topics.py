@@ -1,4 +1,4 @@
-"""Where a flight is published: the broker, and the names of all topics. docs/mqtt.md has the same in words."""
+"""Address of the broker and names of all topics; docs/mqtt.md describes them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class BrokerAddress:
     host: str
     port: int
     identifier: str
-    """The same at every connection: a broker then ends the one before, and with it its last will."""
+    """Client id, constant over reconnects, so that the broker ends the previous connection and its last will."""
     username: str | None = None
     password: str | None = field(default=None, repr=False)
     tls: ssl.SSLContext | None = None
