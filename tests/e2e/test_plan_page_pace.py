@@ -101,7 +101,5 @@ async def test_ten_thousand_spans_are_seen_at_most_twice_as_late_as_ten_after_a_
     few_s = await time_first_picture_s(tmp_path / "few", 1, 10)
     many_s = await time_first_picture_s(tmp_path / "many", 40, 250)
     for spans, (started_s, drawn_s) in (("10", few_s), ("10,000", many_s)):
-        print(
-            f"\n{spans} spans: the page is served after {started_s:.1f} s, drawn {drawn_s:.1f} s after it is opened"
-        )
+        print(f"\n{spans} spans: the page is served after {started_s:.1f} s, drawn {drawn_s:.1f} s after it is opened")
     assert sum(many_s) <= 2.0 * sum(few_s)
