@@ -29,20 +29,20 @@ from planner import segment_of
 
 STEP_M = 3.0
 ROUNDING_M = 0.1
-"""Items have places to a centimetre; a straight leg over the curved earth is as straight here to a few."""
+"""Tolerance: items store positions to 1 cm, and a geodesic leg deviates from a straight one by a few."""
 RETURN_STEP_M = 20.0
-"""How far apart places are from which a vehicle's own way home is looked at."""
+"""Spacing of the places from which RTL is checked."""
 AT_ONCE = 2000
-"""Places that are held against an area in one step."""
+"""Places checked against an area in one step."""
 BEYOND_M = 500.0
-"""How far around lines and pads the heights of flights are looked at."""
+"""Distance around lines and pads within which flight heights are checked."""
 LOOKS = 40
-"""Places along each side of an area at which they are."""
+"""Places checked along each side of an area."""
 LIMIT_ROUNDING_M = 0.05
 OUTSIDE_M = 10_000.0
-"""So far around what is known all is closed: no way leads so far to get around it."""
+"""Width of the closed border around known ground; no route leads around it."""
 EDGE_M = 1.0
-"""What ways keep from its edge."""
+"""Distance that routes keep from its edge."""
 
 
 def apply_areas(setup: FlightSetup, areas: Sequence[Area], alternates: Sequence[str] = ()) -> FlightSetup:
@@ -192,9 +192,9 @@ class ReturnCrossing:
     vehicle: str
     area: str
     segments: tuple[int, ...]
-    """The network's numbers, in the order of flight; legs between segments count for the one that they lead to."""
+    """Segment ids in order of flight; a transit counts for the segment that it leads to."""
     on_way_home: bool
-    """Whether that is so on the way back as well."""
+    """Whether the return violates the area as well."""
 
 
 def check_areas(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:

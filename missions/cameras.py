@@ -14,24 +14,24 @@ from enum import Enum
 from missions.errors import SafetyError
 
 FIRST_COMPONENT = 7
-"""Ids from here on are component ids of MAVLink cameras; 1 to 6 are wired to the autopilot, 0 is all of them."""
+"""First component id of MAVLink cameras; 1 to 6 are wired to the autopilot, 0 is all of them."""
 
 
 ONE_STOP_M = 1.0
-"""Viewpoints above each other that are flown nearer than this are one stop."""
+"""Horizontal distance below which viewpoints above each other are one stop."""
 
 
 class Trigger(Enum):
     """Who decides when a picture is taken."""
 
     DISTANCE = "distance"
-    """The autopilot, every so many metres (DO_SET_CAM_TRIGG_DIST)."""
+    """By the autopilot at a distance (DO_SET_CAM_TRIGG_DIST)."""
     INTERVAL = "interval"
-    """The camera, every so many seconds (IMAGE_START_CAPTURE)."""
+    """By the camera at an interval (IMAGE_START_CAPTURE)."""
     VIDEO = "video"
-    """Nobody: it films (VIDEO_START_CAPTURE)."""
+    """Video instead of pictures (VIDEO_START_CAPTURE)."""
     ONCE = "once"
-    """The mission, at the end of the leg (IMAGE_START_CAPTURE of one image, or DO_DIGICAM_CONTROL)."""
+    """By the mission at the end of the leg (IMAGE_START_CAPTURE of one image, or DO_DIGICAM_CONTROL)."""
 
 
 class PictureProof(Enum):
@@ -42,13 +42,13 @@ class PictureProof(Enum):
     FEEDBACK = "feedback"
     """CAMERA_FEEDBACK of ArduPilot."""
     TRIGGER = "trigger"
-    """CAMERA_TRIGGER of PX4: that it was triggered, where nothing says more."""
+    """CAMERA_TRIGGER of PX4: reports the trigger only."""
 
 
 LEAST_INTERVAL_S = 1.0
-"""A camera of which nothing else is said takes no pictures faster."""
+"""Default for a camera's shortest interval between pictures."""
 AIM_DEG = 20.0
-"""What nothing else is said of may be aimed so far beside."""
+"""Default for the largest aiming error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +57,16 @@ class Camera:
 
     name: str
     id: int = 0
-    """As mission items name it."""
+    """Camera id in mission items."""
     focal_mm: float | None = None
     sensor_mm: tuple[float, float] | None = None
-    """Width and height; the width lies across the flight."""
+    """Width and height of the sensor; the width lies across the flight."""
     image_px: tuple[int, int] | None = None
-    """The same of its pictures."""
+    """Width and height of a picture."""
     least_interval_s: float = LEAST_INTERVAL_S
-    """It takes no pictures faster than this."""
+    """Shortest interval between two pictures."""
     gimbal: bool = False
-    """Whether a mission points it."""
+    """Whether it has a gimbal that missions point."""
 
     def footprint_m(self, distance_m: float) -> tuple[float, float]:
         """Return how much of the line a picture shows across the flight and along it, from a distance.
@@ -97,11 +97,11 @@ class SpanCameraTask:
     camera: str
     trigger: Trigger
     every_m: float = 0.0
-    """Between two pictures; 0 where it films."""
+    """Distance between two pictures; 0 for video."""
     pitch_deg: float | None = None
-    """Of the camera, from the horizon, down is negative; None points it at the line."""
+    """Camera pitch from the horizon, negative is down; None points it at the line."""
     aim_deg: float = AIM_DEG
-    """A picture that is aimed farther beside what was asked does not count."""
+    """Largest aiming error of a picture that counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +113,9 @@ class Viewpoint:
     yaw_deg: int
     """Towards the pylon, from north, -180 to 180."""
     below_m: float = 0.0
-    """How far it lies below the common surface of all flights over the lines."""
+    """Depth below the common surface of all flights."""
     crosses: bool = False
-    """Whether the way on from here leads over a line: up to the common surface, across, and down again."""
+    """Whether the next leg crosses a line: up to the common surface, across, and down again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class PylonStop:
     place_m: tuple[float, float]
     below_m: float
     points: tuple[int, ...] = ()
-    """Which viewpoints it is, by one picture; none where it only goes up, or down again."""
+    """Viewpoints photographed here; empty where it only climbs or descends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,13 +134,13 @@ class PylonCameraTask:
 
     camera: str
     points: tuple[Viewpoint, ...]
-    """In the order in which they are flown forward."""
+    """Viewpoints in forward order of flight."""
     hover_s: float
     aim_deg: float
     target_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """East, north and height over the depot's ground of what is looked at."""
+    """Target: east, north, and height above the depot's ground."""
     pitch_deg: float | None = None
-    """Of the camera, from the horizon, down is negative; None points it at the target."""
+    """Camera pitch from the horizon, negative is down; None points it at the target."""
     roi: bool = False
     """Whether the target is a region of interest: the vehicle turns its nose there."""
 
@@ -196,16 +196,16 @@ class Capture:
     trigger: Trigger
     every_m: float
     pitch_deg: int | None = None
-    """Of its gimbal, from the horizon; None leaves it alone. Whole degrees: ArduPilot keeps no others."""
+    """Gimbal pitch from the horizon; None leaves it unchanged. Whole degrees, as ArduPilot stores no others."""
     yaw_deg: int | None = None
-    """Of its gimbal from the nose, clockwise."""
+    """Gimbal yaw from the nose, clockwise."""
     aim_deg: float = AIM_DEG
     from_north: bool = False
     """Whether ``yaw_deg`` counts from north."""
     region: Region | None = None
-    """What the vehicle's nose is turned to, with ``yaw_deg`` from north: also where no gimbal is."""
+    """Target for the vehicle's nose, with ``yaw_deg`` from north; also without a gimbal."""
     points: tuple[int, ...] = ()
-    """At a pylon: which of its viewpoints the picture is of."""
+    """At a pylon: viewpoints that the picture shows."""
 
     @property
     def is_filming(self) -> bool:
@@ -219,11 +219,11 @@ class CameraTasks:
 
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     carriers: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    """By the vehicle's name: the cameras that it carries."""
+    """Cameras carried, by vehicle name."""
     spans: Mapping[int, tuple[SpanCameraTask, ...]] = field(default_factory=dict)
-    """By segment."""
+    """Tasks by segment."""
     pylons: Mapping[int, PylonCameraTask] = field(default_factory=dict)
-    """By the segment that stands for a pylon and its viewpoints."""
+    """Tasks by the segment that represents a pylon."""
 
     def __bool__(self) -> bool:
         return bool(self.spans or self.pylons)

@@ -26,24 +26,25 @@ from missions.terrain import describe_ground_place, is_inside_convex
 from missions.waypoints import FlightPath, Phase, legs_m
 
 BESIDE_M = 10.0
-"""Nobody is below the tops within this distance of a line, over the ground: half of a wide cross-arm, and GPS."""
+"""Horizontal distance to a line within which no vehicle flies below its tops: half of a wide cross-arm, plus GPS
+error."""
 NEAR_M = 50.0
-"""The ground is known this far from a line: as high as the nearest place of it."""
+"""Distance to a line within which the ground is taken from its nearest point."""
 MARGIN_SHARE = 2.0 / 3.0
-"""Of the inspection height: the least that a leg is over the top of a line."""
+"""Least height of a leg above a line's tops, as a share of the inspection height."""
 GROUND, TOP = 2, 3
-"""Where heights stand behind east and north."""
+"""Columns of ground and top, after east and north."""
 STEP_M = 2.0
 SURFACE_STEP_M = 4.0
 MAX_POINTS = 20_000
-"""Of one path or of the surface; longer ones are looked at in larger steps."""
+"""Most points checked on a path or the surface; longer ones are checked in larger steps."""
 AT_ONCE = 200
-"""Places in a row on a path that are held against the same few lines."""
+"""Consecutive places on a path that are checked against the same lines."""
 RETURNS = 400
-"""Places of a path that its own way home is looked at from."""
+"""Places on a path from which RTL is checked."""
 RETURN_STEP_M = 5.0
 ROUNDING_M = 0.02
-"""Items have heights in centimetres, and places to one."""
+"""Tolerance: items store heights and positions to 1 cm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ class PowerLines:
     ends_m: FloatArray
     """(n, 2, 4) float64: east, north, ground and top at each segment's a and b."""
     segments: IndexArray
-    """(n,): which segment of the network each is."""
+    """(n,): segment ids."""
 
     def name_of(self, index: int) -> str:
         """Return what people call a wall."""
@@ -108,7 +109,7 @@ class ClearanceShortfall:
 
 
 LOWER = "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher"
-"""What brings heights down."""
+"""Advice on how to reduce heights."""
 
 
 def margin_m(setup: FlightSetup) -> float:

@@ -21,7 +21,7 @@ from missions.shortest_ways import Obstacle, build_column, build_visibility_grap
 Place = tuple[float, float]
 """East and north."""
 WAYS_KEPT = 1 << 15
-"""Around columns; three vehicles over 96 segments have a thousand."""
+"""Most cached detours around columns; three vehicles over 96 segments have a thousand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class DetourObstacles:
     centres_m: tuple[Place, ...] = ()
     radius_m: float = 0.0
     areas: tuple[Obstacle, ...] = ()
-    """That they lead around as well."""
+    """Areas that routes lead around as well."""
 
     def way_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray:
         """Return (w, 2) corners of the way between two (2,) places: as it is flown, and as it is priced."""

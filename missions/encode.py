@@ -24,14 +24,14 @@ GROUND_SPEED = 1.0
 THROTTLE_UNCHANGED = -1.0
 """param3 of DO_CHANGE_SPEED."""
 AT_ONCE = 1.0
-"""param3 of DO_SET_CAM_TRIGG_DIST: the first picture is taken where it begins."""
+"""param3 of DO_SET_CAM_TRIGG_DIST: take the first picture at once."""
 HORIZON, FROM_NORTH = 4 | 8, 16
-"""GIMBAL_MANAGER_FLAGS: roll and pitch are from the horizon; yaw is from the nose, or from north."""
+"""GIMBAL_MANAGER_FLAGS: roll and pitch from the horizon; yaw from the nose, or from north."""
 ONE, SHOOT = 1.0, 1
 EVERY_STREAM = 0.0
-"""param1 of VIDEO_START_CAPTURE: it names a stream; which camera it is, ArduPilot does not keep."""
+"""param1 of VIDEO_START_CAPTURE: all streams; ArduPilot does not store the camera id."""
 ENDLESS = 0.0
-"""param3 of IMAGE_START_CAPTURE: until it is stopped."""
+"""param3 of IMAGE_START_CAPTURE: until stopped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class EncodedMission:
     vehicle: str
     items: tuple[MissionItem, ...]
     waypoint_of: tuple[int | None, ...]
-    """By seq: index into the path's waypoints; a speed item serves the leg that it is for; None for home."""
+    """Waypoint index by seq; a speed item has that of its leg; None for home."""
 
 
 def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:

@@ -22,13 +22,13 @@ Corner = tuple[float, float]
 """Local east and north, metres."""
 
 MOST_CORNERS = 24
-"""ArduPilot took 70 items in all (measured), and smaller boards less."""
+"""Most corners of a fence; ArduPilot took 70 items in all (measured), smaller boards fewer."""
 ROUND = 8
-"""Corners by which the margin about a point is drawn: around the circle, never inside it."""
+"""Corners of the circumscribed polygon that approximates the margin around a point."""
 COVERED_M = 0.05
-"""A centimetre is lost where degrees are counted in ten-millionths."""
+"""Tolerance: positions in 1e-7 degrees lose 1 cm."""
 READ_BACK_E7 = 100
-"""A metre: PX4 tells two lists apart by degrees in float32, and keeps the one that it has where they are the same."""
+"""Read-back tolerance, one metre: PX4 compares lists in float32 degrees and keeps the old one if they are equal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class Fence:
     """Where one vehicle may fly."""
 
     corners_m: tuple[Corner, ...]
-    """Of a convex polygon, counter-clockwise."""
+    """Corners of a convex polygon, counter-clockwise."""
     top_m: float
-    """Over its own home."""
+    """Ceiling above its own home."""
 
     def distance_outside_m(self, place_m: Corner) -> float:
         """Return how far outside a place is; 0 inside."""
@@ -153,9 +153,9 @@ class FenceOutline:
 
     keeps_out: bool
     corners_m: tuple[Corner, ...]
-    """Of a polygon; the middle of a circle."""
+    """Corners of a polygon, or the centre of a circle."""
     radius_m: float | None = None
-    """Of a circle."""
+    """Radius of a circle."""
 
     def is_allowed(self, places_m: FloatArray) -> BoolArray:
         """Return (m,) whether a vehicle may be at (m, 2) places, as far as this shape goes."""

@@ -1,4 +1,4 @@
-"""Files that people wrote, or that were damaged on the way: whatever is in them, what is wrong is one line."""
+"""Read files that people wrote or that were damaged; every defect is one line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 MOST_FIGURE = 1e12
-"""A figure beyond is a mistake, and sums and squares of it are no numbers any more."""
+"""Largest number accepted; sums and squares of larger ones overflow."""
 
 
 def read_text(path: Path, what: str, error: type[Exception]) -> str:

@@ -33,21 +33,21 @@ from missions.waypoints import FlightPath, Phase, legs_m
 from planner import CLIMB_SHARE_PER_M_S, SteadyWind
 
 SAME_PLACE_M = 0.5
-"""An inspection that starts this near to where the last one ended needs no waypoint in between."""
+"""Distance within which an inspection starts where the last one ended, without a waypoint between."""
 UNKNOWN = np.zeros(3)
-"""The direction of who may face anywhere."""
+"""Unknown direction."""
 Speed = Annotated[Figure, Field(ge=0.001)]
 Factor = Annotated[Figure, Field(ge=0.1, le=10)]
 NEVER: BoolArray = np.array(False)
-"""As every move is where vehicles inspect in their layers; it broadcasts against any others."""
+"""No inspection below the layer; broadcasts against any shape."""
 UPRIGHT_M = 1e-6
-"""A leg that goes less far over the ground goes straight up or down."""
+"""Horizontal length below which a leg is vertical."""
 SHORT_M = 1e-6
 LEAST_M_S = 0.1
 CORNER_M_S = 8.0
 TINY_S = 1e-12
 STEPS = 8
-"""Of Newton's method for legs too short for their speed."""
+"""Steps of Newton's method for legs too short to reach their speed."""
 
 
 def half_turn_sines(before_m: FloatArray, after_m: FloatArray) -> FloatArray:
@@ -67,7 +67,7 @@ class Ramp:
     acceleration_m_s2: Above0
     jerk_m_s3: Above0
     smooth_s: From0 = 0.0
-    """In which the jerk is built up."""
+    """Time in which the jerk builds up."""
 
     def ramp_s(self, speed_m_s: FloatArray) -> FloatArray:
         """Return the time from rest to a speed, or from it to rest."""
@@ -112,49 +112,49 @@ class Performance:
     """How a multicopter moves under its autopilot, on missions as they are encoded here."""
 
     level: Ramp
-    """Over the ground."""
+    """Ramp of horizontal flight."""
     upright: Ramp
-    """Up and down."""
+    """Ramp of vertical flight."""
     climb_m_s: Above0
-    """At most, on a leg."""
+    """Greatest climb rate on a leg."""
     descent_m_s: Above0
     turn_s: From0
-    """What beginning a leg against the direction of the one before it takes after a stop."""
+    """Time to turn around after a stop before a leg in the opposite direction."""
     turn_power: From0
-    """A turn by an angle takes this power of the sine of its half: 2 is gentle to small turns."""
+    """Exponent on the sine of half the turn angle; 2 makes small turns cheap."""
     corner_s: From0
-    """What an about-turn would take in passing at `CORNER_M_S`, in proportion to the speed."""
+    """Time of an about-turn in passing at `CORNER_M_S`, proportional to the speed."""
     corner_power: From0
-    """As for turns."""
+    """The same exponent for corners flown in passing."""
     settle_s: From0
-    """What a stop takes beyond its ramp, until its hold begins."""
+    """Time of a stop beyond its ramp, until its hold begins."""
     accept_m: From0
-    """So far before its end a leg with a stop is over, and its hold begins."""
+    """Distance before its end at which a leg with a stop is complete and its hold begins."""
     hold_s: From0
-    """What a hold of the mission takes."""
+    """Duration of a hold."""
     spool_s: From0
-    """Of a take-off, beyond its climb: the motors, the lift-off, the climb's end."""
+    """Time of a take-off beyond its climb: motors, lift-off, end of climb."""
     take_off_m_s: Above0
     """Climb from the pad."""
     take_off_below_m: From0
-    """Up to this height; then it is that of a leg."""
+    """Height up to which that rate holds; above it, a leg's."""
     land_m_s: Above0
     """Descent onto the pad."""
     land_below_m: From0
-    """Below this height; above it is that of ``land_fast_m_s``."""
+    """Height below which that rate holds; above it, ``land_fast_m_s``."""
     land_fast_m_s: Above0
     touch_s: From0
-    """Of a landing, beyond its descent: its beginning, the touch-down, the motors."""
+    """Time of a landing beyond its descent: start, touch-down, motors."""
     home_m_s: Above0
-    """Over the ground on a return of its own, which no mission's speed is for."""
+    """Ground speed of RTL, which the mission's speed does not affect."""
     home_wait_s: From0
-    """Over its pad on such a return, before it comes down."""
+    """Waiting time above its pad during RTL, before the descent."""
     pass_s: From0 = 0.0
-    """What passing a waypoint takes however straight the way leads on: until it goes for the next one."""
+    """Time to pass a waypoint even without a turn, until it heads for the next one."""
     waits: From0 = 0.0
-    """Of the time of a leg over the ground, what its trajectory waits for it besides."""
+    """Additional share of a horizontal leg's time in which the trajectory waits for the vehicle."""
     turn_speed_power: From0 = 0.0
-    """A turn takes this power of the speed of arrival over `CORNER_M_S`: who still moves must first come to rest."""
+    """Exponent on the arrival speed over `CORNER_M_S`: a moving vehicle must first stop."""
 
     def legs_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
         """Return the times of straight legs; all arrays broadcast against each other.
@@ -248,7 +248,7 @@ class Tuning:
     shapes: tuple[str, ...]
     """Keys of the performance, such as `climb_m_s` and `level.acceleration_m_s2`."""
     alone: bool = False
-    """Whether it replaces what parameters before it made of these."""
+    """Whether it replaces the effect of earlier parameters."""
 
 
 def apply_tunings(performance: Performance, tunings: Iterable[Tuning], parameters: Mapping[str, float]) -> Performance:
@@ -324,9 +324,9 @@ class Base:
     """Where a vehicle takes off and lands."""
 
     place_m: Place
-    """Over its pad, where its climb ends and its landing begins."""
+    """Place above its pad where its climb ends and its landing begins."""
     climb_m: Annotated[Figure, Field(ge=0)]
-    """From the pad's ground to there, in the vehicle's own layer."""
+    """Climb from the pad to its own layer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,11 +335,11 @@ class FlightModel:
 
     performance: Performance
     power: SteadyWind
-    """What it uses at an air speed, and the wind."""
+    """Power by air speed, and wind."""
     transit_speed_m_s: Speed
     inspection_speed_m_s: Speed
     pace: Pace = AS_MODELLED
-    """What is known of this very vehicle: on its moves as a whole."""
+    """Learned factors of this vehicle."""
 
     def price_legs(self, along_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (...) float64 seconds and energies in percent of a full battery of straight legs.
@@ -453,7 +453,7 @@ class Estimate:
     duration_s: float
     energy_pct: float
     legs: tuple[LegEstimate, ...]
-    """One for each waypoint: the leg that ends there."""
+    """Estimates by waypoint: the leg that ends there."""
 
 
 def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) -> Estimate:

@@ -25,7 +25,7 @@ IntArray = npt.NDArray[np.int64]
 IndexArray = npt.NDArray[np.intp]
 
 MAX_LATITUDE_DEG = 89.0
-"""Nearer to a pole, east and north mean nothing over a few kilometres."""
+"""Greatest latitude; nearer to a pole, east and north change within kilometres."""
 
 _GEOD = pyproj.Geod(ellps="WGS84")
 

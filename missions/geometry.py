@@ -14,9 +14,9 @@ import numpy as np
 from missions.geo import BoolArray, FloatArray, IndexArray
 
 SHORTEST_M2 = 1e-12
-"""The square of a length that counts as one."""
+"""Squared length below which a leg is a place."""
 MOST_PAIRS = 300_000
-"""Pairs that are looked at together: enough to be fast, and few enough to fit anywhere."""
+"""Pairs computed at once: fast, and small in memory."""
 
 
 def find_nearest_on_legs(

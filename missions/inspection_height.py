@@ -39,16 +39,16 @@ PathMaker = Callable[..., FlightPath]
 """`build_flight_path`, or what answers like it."""
 NOBODY: frozenset[str] = frozenset()
 ROUNDING_M = 1e-3
-"""Coordinates of waypoints are rounded to less."""
+"""Tolerance; coordinates of waypoints are rounded to less."""
 AT_ONCE = 200_000
-"""Pairs of legs that are compared in one step: 50 MB."""
+"""Pairs of legs compared in one step: 50 MB."""
 MOST_VISITS = 300
-"""Of all routes together: for more it would take longer than a plan may."""
+"""Most visits of all routes together; more would take longer than a plan may."""
 MOST_PRICED = 3000
 MOST_FLOWN = 300
-"""Of the routes that are tried, all together: what a second or two is enough for."""
+"""Most flight paths tried in all: one to two seconds."""
 Visit = tuple[str, int]
-"""Whose, and its position in its route."""
+"""Vehicle, and position in its route."""
 Visits = dict[str, tuple[int, ...]]
 
 
@@ -60,9 +60,9 @@ class Airway:
     legs_m: FloatArray
     """(n, 2, 3) float64."""
     below_m: FloatArray
-    """(n, 2) float64: how far below its own layer the vehicle is at both ends of a leg."""
+    """(n, 2) float64: depth below the vehicle's own layer at both ends of a leg."""
     for_now: bool = False
-    """Whether it is flown only until the vehicle has its new mission, which is before those below it have theirs."""
+    """Whether it is flown only until the vehicle has its new mission, before the vehicles below it have theirs."""
 
     @property
     def over_ground_m(self) -> FloatArray:

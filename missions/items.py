@@ -26,7 +26,7 @@ PLAIN_FRAMES: dict[int, int] = {
     Frame.GLOBAL_INT: Frame.GLOBAL,
     Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
 }
-"""MISSION_ITEM_INT has two numbers for each of these; either comes back for either."""
+"""MISSION_ITEM_INT has two numbers for each of these frames; autopilots may return either."""
 
 
 class MissionKind(IntEnum):
@@ -42,7 +42,7 @@ class PlaceCommand(IntEnum):
 
     FENCE_RETURN_POINT = 5000
     INCLUSION_VERTEX = 5001
-    """param1: how many vertices its polygon has; they follow one another."""
+    """param1: number of vertices of its polygon, which are consecutive."""
     EXCLUSION_VERTEX = 5002
     INCLUSION_CIRCLE = 5003
     """param1: its radius in metres."""
@@ -74,7 +74,7 @@ PAYLOAD = frozenset({
     Command.IMAGE_START_CAPTURE, Command.IMAGE_STOP_CAPTURE, Command.VIDEO_START_CAPTURE, Command.VIDEO_STOP_CAPTURE,
     Command.DO_SET_ROI_LOCATION, Command.DO_SET_ROI_NONE,
 })  # fmt: skip
-"""What is for a camera or its gimbal, or turns the vehicle for it."""
+"""Commands for a camera or its gimbal, or that turn the vehicle for it."""
 
 
 @dataclass(frozen=True, slots=True)

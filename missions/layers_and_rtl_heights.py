@@ -1,4 +1,4 @@
-"""The layers of a fleet: a height for every vehicle over every place, and the heights of their own returns."""
+"""Compute the height layers of a fleet, and each vehicle's RTL height."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from missions.surface import (
 from missions.terrain import KnownGround, Terrain, build_known_ground
 
 FLAT_M = 1.0
-"""Less relief than this is flat: autopilots hold their height to half of it."""
+"""Relief below which ground is flat; autopilots hold their height to half of it."""
 NOWHERE = np.zeros((0, 2))
 WHOLE_METRE_M = 1.0
-"""Some autopilots take the height of a return in whole metres only."""
+"""Step of RTL heights; some autopilots take whole metres only."""
 HEIGHT_KEEPING_M = 1.0
-"""What autopilots are off their height in level flight: PX4 and ArduPilot simulations stay within 0.5 m each."""
+"""Height error of two vehicles in level flight; PX4 and ArduPilot SITL stay within 0.5 m each."""
 
 
 class HeightReference(Enum):
@@ -50,22 +50,22 @@ class Layers:
     vehicles: tuple[str, ...]
     """From the lowest layer to the highest."""
     layer_m: float
-    """The distance that any two vehicles keep."""
+    """Least distance between any two vehicles."""
     spacing_m: float
     """The step between neighbouring layers: ``layer_m`` and what slopes, crossing lines and autopilots take."""
     tolerance_m: float
-    """Legs off the lines keep this near to their surface."""
+    """Deviation of transits from their surface."""
     reference: HeightReference
     surface: Surface
-    """Of the lowest layer, over the depot's ground."""
+    """Surface of the lowest layer, above the depot's ground."""
     track_heights_m: FloatArray
     """(n, 2) float64: heights of the lowest layer at each segment's a and b."""
     relief: Relief | None
-    """The surface as flights are priced by it, where a raster knows the ground."""
+    """Surface for pricing, with terrain data."""
     known: KnownGround | None
-    """The ground between the lines and the pads, where a raster knows it."""
+    """Ground between lines and pads, with terrain data."""
     raised_m: FloatArray
-    """(p,) float64: how much higher than asked pylons are passed, for the ground beside them; of none without one."""
+    """(p,) float64: increase of each pylon's passing height because of nearby ground; empty without terrain data."""
 
     def offset_m(self, vehicle: str) -> float:
         """Return how far above the lowest layer a vehicle flies.

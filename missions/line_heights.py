@@ -23,36 +23,36 @@ from missions.network import Network, Pylon
 from missions.terrain import Elevation, build_unknown_ground_error
 
 FLAT_GROUND_M = 5.0
-"""Ground that is claimed to be flat is nowhere known to be farther than this from the depot's height."""
+"""Largest known deviation from the depot's height of ground asserted to be flat."""
 TALLEST_M = 400.0
-"""No structure is taller: the towers of the crossing to Zhoushan have 380 m."""
+"""Greatest structure height; the Zhoushan crossing towers have 380 m."""
 TALL_M = 60.0
-"""A line of which half of the pylons are taller than this is in feet, or above sea level, unless the site says so."""
+"""Median pylon height above which a file is in feet or above sea level, unless the site confirms it."""
 SHORTEST_M = 2.0
-"""A pylon that is lower than this is one whose height was not filled in."""
+"""Least pylon height; lower ones were not filled in."""
 STEEPEST = 1.0
-"""Ground does not rise by more than this many metres a metre from a pylon to the next, or from the depot to a pylon."""
+"""Greatest slope of the ground between pylons, or from the depot to a pylon."""
 STEEP = 0.3
-"""A depot's height that differs by more than this many metres a metre from the nearest pylon's is worth a look."""
+"""Slope from the depot to the nearest pylon above which a finding is reported."""
 PIT = 0.5
-"""No pylon stands so many metres a metre deeper than all of its neighbours: the line would span such a hole."""
+"""Slope at which a pylon is implausibly below all its neighbours; the line would span such a hole."""
 SLACK_M = 20.0
-"""Beside all slopes: rounded elevations, and a pylon on a bank."""
+"""Additional tolerance: rounded elevations, and a pylon on a bank."""
 DATUM_M = 110.0
-"""The ellipsoid is at most this far from mean sea level."""
+"""Greatest distance of the ellipsoid from mean sea level."""
 NAMED = 3
-"""How many pylons an error names."""
+"""Most pylons that an error names."""
 CLAIM = '[inspection] heights = "flat"'
 GROSS = 3.0
-"""Times the raster's uncertainty, and `GROSS_M`: a pylon farther than this from the raster's ground is wrong."""
+"""Multiple of the raster's uncertainty, plus `GROSS_M`, beyond which a pylon's elevation is wrong."""
 GROSS_M = 30.0
 ODD = 1.5
-"""Times its uncertainty, and `ODD_M`: more than this is worth a look."""
+"""Multiple of the uncertainty, plus `ODD_M`, beyond which a finding is reported."""
 ODD_M = 5.0
 ALL_M = 12.0
-"""Beside its uncertainty: all pylons together farther than this over or under it are counted from something else."""
+"""Mean offset of all pylons, beyond the uncertainty, that means another vertical reference."""
 ALL_FROM = 3
-"""Pylons from which on this is looked for."""
+"""Least number of pylons for this check."""
 
 
 def with_heights(network: Network, *, flat: bool) -> Network:

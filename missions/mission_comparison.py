@@ -1,4 +1,4 @@
-"""Sent items against read-back ones, allowing what each autopilot is known to rewrite."""
+"""Compare sent with read-back items, allowing what each autopilot rewrites."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from missions.items import PLAIN_FRAMES, Command, Frame, MissionItem
 _PLACE = frozenset((Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF, Command.DO_SET_ROI_LOCATION))
 
 E7_TOLERANCE = 1
-"""PX4 keeps degrees as float64 and multiplies them back."""
+"""Tolerance in 1e-7 degrees; PX4 stores degrees as float64 and multiplies them back."""
 
 
 def find_mission_differences(

@@ -1,4 +1,4 @@
-"""The power line: pylons, and the segments between adjacent ones, checked once so that nobody has to check again."""
+"""The power line: pylons, and the segments between adjacent ones, validated on construction."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from missions.errors import NetworkError
 from missions.geo import FloatArray, LocalFrame
 
 MAX_DISTANCE_M = 200_000.0
-"""A pylon farther from the depot than this is a mistake in the file or in the depot."""
+"""Greatest distance of a pylon from the depot; more is an error in the file or the depot."""
 
 CUT = "; radius_m, or --radius with --depot, cuts what is near out of a larger file"
 SHORTEST_SEGMENT_M = 0.05
-"""Two pylons nearer than this are one place: PX4 refuses waypoints less than 5 cm apart (FeasibilityChecker.cpp)."""
+"""Least distance between two pylons; PX4 refuses waypoints less than 5 cm apart (FeasibilityChecker.cpp)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +29,9 @@ class Pylon:
     elevation_m: float | None = None
     """Ground at its foot above mean sea level, if known."""
     height_m: float | None = None
-    """The structure's own height, if known."""
+    """Height of the structure, if known."""
     third_m: float | None = None
-    """The third coordinate of its position in the file, of which nobody knows what it means; see ``heights``."""
+    """Third coordinate in the file, whose meaning is unknown; see ``line_heights``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +39,12 @@ class Segment:
     """The span between two adjacent pylons."""
 
     id: int
-    """Its position in the network, which is also the planner's number for it."""
+    """Index in the network, which is also the planner's."""
     a: int
     """Index of a pylon; the forward direction is from a to b."""
     b: int
     label: str = ""
-    """What its file calls it; kept when a part of the network is renumbered."""
+    """Name in its file; kept when part of the network is renumbered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +56,9 @@ class Network:
     frame: LocalFrame
     """Its origin is the depot."""
     source: str = "network"
-    """Where it was read, for messages."""
+    """Source, for messages."""
     flat: bool = False
-    """Whether its ground is taken to be as high as the depot's everywhere, by its file's format or by a claim."""
+    """Whether the ground is taken as level with the depot, by the file format or by assertion."""
     positions_m: FloatArray = field(init=False, repr=False, compare=False)
     """(p, 2) float64: east and north of every pylon."""
     ends_m: FloatArray = field(init=False, repr=False, compare=False)

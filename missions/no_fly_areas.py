@@ -21,27 +21,27 @@ from missions.geometry import find_bends, find_crossings
 from missions.validation import Above0, Figure, From0, Id, Pair, Printable, Text
 
 Ring = tuple[Pair, ...]
-"""East and north of corners, in metres; of an outline the last is joined to the first, which is not repeated."""
+"""East and north of corners in metres; an outline closes from the last to the first corner, which is not repeated."""
 END_CORNERS = 6
-"""Of half a circle about the end of a corridor's leg."""
+"""Corners of the half circle at the end of a corridor's leg."""
 MOST_LIMIT_M = 10_000.0
 UNKNOWN_GROUND = "beyond the ground that the rasters know"
-"""The name of what is closed for that alone, around everything."""
+"""Name of the closed border around known ground."""
 SHORTEST_M = 0.01
-"""Corners nearer to each other are one."""
+"""Distance below which corners are merged."""
 LOOKED_UP_TO = 3000
-"""Corners up to which it is looked whether an outline crosses itself: nobody draws more by hand."""
+"""Most corners for which self-intersection is checked; nobody draws more by hand."""
 
 
 class AreaKind(Enum):
     """What an area forbids; the value is what site files and plan files call it."""
 
     NO_FLY = "no-fly"
-    """Flight at any height."""
+    """No flight at any height."""
     CORRIDOR = "corridor"
-    """The same, on both sides of a line: where others fly."""
+    """The same on both sides of a line along which others fly."""
     HEIGHT_LIMIT = "height-limit"
-    """Flight above a height."""
+    """No flight above a height."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,20 +49,20 @@ class Area:
     """One area, or one part of an area of several."""
 
     name: Text
-    """What people call it."""
+    """Name."""
     kind: AreaKind
     rings_m: tuple[Ring, ...]
-    """The outline, and after it those of holes; of a corridor its middle line."""
+    """Outline, followed by those of holes; for a corridor, its centre line."""
     margin_m: Above0
-    """How far flights keep from it."""
+    """Distance that flights keep from it."""
     width_m: From0 = 0.0
-    """Of a corridor, from side to side."""
+    """Width of a corridor, side to side."""
     eased_m: From0 = 0.0
-    """How far its outlines may be off those of its file, which have more corners: so much more is kept from them."""
+    """Simplification error of its outlines, which is added to the margin."""
     max_agl_m: Figure | None = None
-    """Of a height limit: over the ground."""
+    """Height limit above ground."""
     max_amsl_m: Figure | None = None
-    """Of a height limit: above mean sea level."""
+    """Height limit above mean sea level."""
 
     def __post_init__(self) -> None:
         """Check what belongs together.
@@ -118,9 +118,9 @@ class AreaRestriction:
 
     area: Area
     vehicles: tuple[str, ...]
-    """All of them; of a height limit those whose layers are above it."""
+    """Restricted vehicles: all, or for a height limit those whose layers are above it."""
     highest_m: Figure | None = None
-    """Of a height limit: how high the highest of these vehicles would be, counted as the limit is."""
+    """For a height limit: height of the highest of these vehicles, in the limit's reference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,11 +128,11 @@ class Unreachable:
     """A segment that no flight can inspect."""
 
     segment: Id
-    """Its number in the network."""
+    """Segment id in the network."""
     why: Printable
-    """In words, to be put behind its name: "lies in area 'airfield'"."""
+    """Reason, to follow the name: "lies in area 'airfield'"."""
     name: Printable = ""
-    """What its network's file calls it."""
+    """Name in the network file."""
 
 
 def _build_capsule(begin_m: tuple[float, float], end_m: tuple[float, float], radius_m: float) -> Ring:

@@ -1,4 +1,4 @@
-"""Where vehicles start and land, and the way around the columns of air above those places."""
+"""Pads for take-off and landing, and routes around the air columns above them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from missions.no_fly_areas import Area, AreaKind
 from missions.shortest_ways import VisibilityGraph, build_obstacle, build_visibility_graph
 
 COLUMN_MARGIN_M = 2.0
-"""A column's radius is the layer height and this: GPS and corner cutting of a climbing and a passing vehicle."""
+"""Added to the layer height for a column's radius: GPS error and corner cutting of both vehicles."""
 SEARCH_RADIUS_M = 300.0
-"""Pads farther from the depot than this are no longer 'at the depot'."""
+"""Greatest distance of a pad from the depot."""
 MATRIX_ENTRIES = 1_000_000
 PAD_SPACING_M = 12.0
 
@@ -38,7 +38,7 @@ class Pad:
     east_m: float
     north_m: float
     alt_m: float
-    """Above mean sea level; the vehicle's home, to which the heights of its mission are relative."""
+    """Altitude above mean sea level of the vehicle's home, to which its mission's heights are relative."""
 
 
 def column_radius_m(layer_m: float) -> float:

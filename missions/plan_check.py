@@ -1,4 +1,4 @@
-"""The check of a plan file: every figure of it again, from its own content."""
+"""Check a plan file: recompute every value from its own content."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from planner import Cost, PlanError, evaluate, replan_window
 from planner.sorties import Objective, evaluate_sorties
 
 PLACE_TOLERANCE_M = 0.05
-"""Local metres and latitude/longitude of one place agree to this; 1e-7 degrees are 1 cm."""
+"""Tolerance between local metres and latitude/longitude; 1e-7 degrees are 1 cm."""
 FIGURE_TOLERANCE = 1e-6
-"""Recomputed figures agree to this, relative to the larger of the figure and 1: sums depend on their order."""
+"""Tolerance of recomputed values, relative to the larger of the value and 1; sums depend on their order."""
 
 
 def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -> list[str]:

@@ -58,30 +58,30 @@ class PlanContent:
 
     format: Literal["faultline-plan/2"]
     frame: Annotated[LocalFrame, Field(alias="depot")]
-    """WGS 84; the local metres of this file begin there."""
+    """Origin of the local metres, WGS 84."""
     bases: Annotated[tuple[plan_parts.BasePlace, ...], Field(min_length=1)]
-    """Where vehicles take off and land; the depot alone in a single flight."""
+    """Bases; a single flight has only the depot."""
     vehicles: Annotated[tuple[plan_parts.PlanVehicle, ...], Field(min_length=1)]
     routes: tuple[plan_parts.PlanRoute, ...]
-    """Of a single flight one for each vehicle, in their order; of days each vehicle's sorties in the order of time."""
+    """Routes: one per vehicle in a single flight, in order; for days, each vehicle's sorties in order of time."""
     uncovered: tuple[Id, ...]
-    """Ids of the segments that nobody flies."""
+    """Ids of segments that no route covers."""
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)]
-    """The solver's."""
+    """Seed of the solver."""
     solver: Printable
-    """Its name."""
+    """Name of the solver."""
     seconds: Figure
-    """What it took."""
+    """Seconds that it took."""
     pricing: Annotated[Pricing | None, Field(alias="model")]
     unreachable: Annotated[tuple[Unreachable, ...], Field(exclude_if=not_)] = ()
-    """What was asked for and is not planned, because it lies in an area or behind one."""
+    """Requested segments that lie in or behind an area, so that they are not planned."""
     terrain: plan_parts.PlanTerrain | None = None
-    """The ground that it was made over, where a raster knows it."""
+    """Terrain data behind the plan, if any."""
     cameras: Annotated[tuple[Printable, ...], Field(exclude_if=not_)] = ()
-    """Names of the cameras that its missions trigger or point; how is said by its site."""
+    """Names of the cameras that its missions use; the site has the details."""
     segments: tuple[plan_parts.PlanSegment, ...]
     source: Annotated[SkipJsonSchema[Any], Field(exclude=True)] = field(default="plan", compare=False)
-    """Where it was read, for messages; no part of the file."""
+    """Source, for messages; not part of the file."""
 
     @cached_property
     def positions(self) -> Mapping[int, int]:
@@ -152,14 +152,14 @@ class PlanFile(PlanContent):
     cost: plan_parts.PlanCost
     window: plan_parts.Window | None = None
     inspection: Inspection | None = None
-    """Without it the plan can be checked, but not flown."""
+    """Inspection settings; without them the plan can be checked but not flown."""
     pricing: Annotated[Pricing | None, Field(alias="model")] = field(default=None, compare=False)
-    """From which times and energies follow; without it from `travel` and the straight lines between pylons, as the
-    paper has it. Segments are named by their positions in `segments`."""
+    """Model of times and energies; without it they follow from `travel` and straight lines between pylons, as in the
+    paper. Segments are positions in `segments`."""
     fly_again: Flag = True
-    """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
+    """Whether landed vehicles may fly again after a loss; the window accounts for it."""
     fence: plan_parts.PlanFence | None = None
-    """What vehicles are given as fences; without it none."""
+    """Fences to upload; without it none."""
 
     @property
     def network_routes(self) -> dict[str, tuple[int, ...]]:
@@ -257,11 +257,11 @@ class DayPlanFile(PlanContent):
     """Days of many sorties, with all that is needed to check and to fly them."""
 
     days: Annotated[tuple[Pair, ...], Field(min_length=1)]
-    """Begin and end of each, in seconds from the first midnight."""
+    """Start and end of each day, in seconds from the first midnight."""
     stagger_s: From0
     """Least time between two take-offs from a base."""
     transfers_s: tuple[tuple[From0 | None, ...], ...]
-    """To drive a vehicle from base to base; null where it is not done."""
+    """Driving times between bases; null where vehicles are not driven."""
     vehicles: Annotated[tuple[plan_parts.DayVehicle, ...], Field(min_length=1)]
     cost: plan_parts.DayCost
     finish_s: Figure
@@ -269,11 +269,11 @@ class DayPlanFile(PlanContent):
     flight_s: Figure
     """The time in the air of all sorties."""
     pricing: Annotated[Pricing, Field(alias="model")] = field(compare=False)
-    """From which times and energies follow."""
+    """Model of times and energies."""
     windows: tuple[sorties.LossWindow, ...] = ()
-    """Until when each vehicle must not be lost, where that was looked at."""
+    """Times from which the loss of each vehicle can be absorbed, if computed."""
     part_of: Text | None = None
-    """Names the plan that this is what was left of one day of."""
+    """Id of the day plan that this plan continues."""
 
     def routes_of(self, vehicle: str) -> tuple[plan_parts.PlanRoute, ...]:
         """Return a vehicle's sorties in the order of time."""

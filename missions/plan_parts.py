@@ -1,4 +1,4 @@
-"""What a plan file is made of, key by key: vehicles, routes, segments, bases."""
+"""Parts of a plan file: vehicles, routes, segments, bases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from planner.sorties import Objective
 DEPOT = "depot"
 """The only base of a single flight."""
 WINDOW_COST = "window"
-"""What a file names as the cost of a plan that was chosen by its re-plan window."""
+"""Cost name of a plan chosen by its re-plan window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,21 +25,21 @@ class PlanSegment:
     """A stretch of line between two pylons, a and b: one segment of the plan's own network."""
 
     id: Id
-    """The network's number of it; a plan over a part of a network skips some."""
+    """Segment id in the network; a plan over part of a network skips some."""
     name: Text | None = None
-    """What its network's file calls it."""
+    """Name in the network file."""
     a_enu_m: Annotated[Place, Field(alias="a")]
-    """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
+    """Metres east, north and up from the depot; up is 0 if the ground height is unknown."""
     b_enu_m: Annotated[Place, Field(alias="b")]
     a_lat_lon_deg: Pair
     b_lat_lon_deg: Pair
     pylons: tuple[str, str]
     length_m: Figure
-    """Over the ground."""
+    """Horizontal length."""
     elevation_m: Known = (None, None)
-    """Ground at a and b above mean sea level, where it is known."""
+    """Ground at a and b above mean sea level, if known."""
     height_m: Known = (None, None)
-    """Structure at a and b, where it is known."""
+    """Structure heights at a and b, if known."""
 
     @property
     def display_name(self) -> str:
@@ -62,11 +62,11 @@ class Window:
     """The re-plan window: from when on the others can finish if any one vehicle is lost."""
 
     window_pct: Figure
-    """Of the longest route."""
+    """Window as a share of the longest route."""
     earliest_s: Figure
     longest_route_s: Figure
     breaking: BreakingLoss | None = None
-    """The loss just before it that has no re-plan."""
+    """Latest loss before it without a re-plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class SolverRecord:
     solver: str
     seed: int
     seconds: float
-    """What the solver took."""
+    """Solver time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,17 +84,17 @@ class PlanTerrain:
     """The ground that a plan was made over; its heights are not part of the file."""
 
     source: Text
-    """The raster, for people."""
+    """Name of the raster."""
     digest: Text
-    """Of what was read of it: the same ground has the same."""
+    """Digest of the data that was read."""
     vertical: Text
-    """What its heights were counted from."""
+    """Vertical reference of its heights."""
     uncertainty_m: Figure
-    """Nine of ten heights are nearer than this to the truth."""
+    """Error that 90 % of the heights stay within."""
     margin_m: Figure
-    """That every leg keeps over the ground beside that."""
+    """Margin of every leg above ground, in addition."""
     line_margin_m: Figure | None = None
-    """That every leg keeps over the tops of lines; without it a share of the inspection height."""
+    """Margin of every leg above lines; default: a share of the inspection height."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +102,9 @@ class PlanFence:
     """What the site says of the fences of its vehicles, which other ground stations are given too."""
 
     margin_m: Above0
-    """How far a fence is at least from its vehicle's ways."""
+    """Least distance of a fence from its vehicle's routes."""
     rally: Literal["pad", "keep"]
-    """Where its own RTL may end: at its pad, or as the vehicle has it."""
+    """Where RTL may end: at its pad, or as configured on board."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +117,11 @@ class BasePlace:
     alt_m: Figure
     """Ground above mean sea level."""
     turnaround_s: From0 = 0.0
-    """From a landing to the vehicle's next take-off."""
+    """Time from landing to the vehicle's next take-off."""
     packs: Id | None = None
-    """Charged in the morning; without it there are always enough."""
+    """Charged packs at the start of the day; default: always enough."""
     recharge_s: From0 | None = None
-    """From a landing until the pack is charged; without it overnight."""
+    """Time from landing until the pack is charged; default: overnight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,21 +129,21 @@ class PlanVehicle:
     """A vehicle as the planner sees it."""
 
     name: Name
-    """As in the site file; files are named after it."""
+    """Name as in the site file; file names use it."""
     start_m: Annotated[Pair, Field(alias="start")]
-    """Where its first route starts: metres east and north of the depot."""
+    """Start of its first route, in metres east and north of the depot."""
     budget_pct: Figure
-    """What it may spend from a start until it is home, in percent of a full battery."""
+    """Energy budget from take-off to landing, in percent of a full battery."""
     consumption: Above0 = 1.0
-    """What it uses relative to the energy model."""
+    """Consumption relative to the energy model."""
     autopilot: Annotated[str, one_of(one.name for one in AUTOPILOTS)] | None = None
-    """Whose dialect its missions are in; files of version 1 may not say it."""
+    """Autopilot of its missions; files of version 1 may omit it."""
     airborne: Flag = False
-    """Whether it flies already, and so pays its way home in any case."""
+    """Whether it is in the air, so that its return costs energy in any case."""
     start_up_m: Figure = 0.0
-    """In the air: its height there, as `model` counts heights."""
+    """In the air: its height in the reference of `model`."""
     facing_m: Pair = (0.0, 0.0)
-    """In the air: along which it arrived there, metres east and north; of no length where nobody knows."""
+    """In the air: direction of arrival, metres east and north; zero if unknown."""
 
     def to_planner(self) -> Vehicle:
         """Return it as an instance has it."""
@@ -155,13 +155,13 @@ class DayVehicle(PlanVehicle):
     """A vehicle of days: its start is its pad at its base, its budget what a sortie may use of a full pack."""
 
     base: Text
-    """Where it stands in the morning of the first day."""
+    """Base at the start of the first day."""
     lands: tuple[Text, ...]
     """Bases where it may land and take off."""
     hours: tuple[Pair, ...]
-    """When it may fly, in seconds from the first midnight."""
+    """Hours in which it may fly, in seconds from the first midnight."""
     pads: tuple[Base, ...]
-    """At each of the bases."""
+    """Pads at each base."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,11 +169,11 @@ class PlanVisit:
     """One segment of a route."""
 
     segment: Id
-    """Its id."""
+    """Segment id."""
     reversed: Flag
     """Whether it is flown from b to a."""
     inspected_at_m: Figure | None = None
-    """How high over the pylon tops, or over the depot's ground, where vehicles inspect as asked if they can."""
+    """Inspection height above pylon tops, or above the depot's ground, if vehicles leave their layers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,16 +182,16 @@ class PlanRoute:
 
     vehicle: str
     visits: tuple[PlanVisit, ...]
-    """In the order of flight."""
+    """Visits in order of flight."""
     duration_s: Figure
     energy_pct: Figure
-    """Of a full battery."""
+    """Energy in percent of a full battery."""
     base: Text = DEPOT
-    """Where it begins."""
+    """Base of take-off."""
     lands: Text = DEPOT
-    """Where it ends."""
+    """Base of landing."""
     start_s: Figure = 0.0
-    """Of days: seconds from the first midnight."""
+    """Start time on days, in seconds from the first midnight."""
     day: Annotated[int, Field(ge=1)] = 1
 
     @property
@@ -206,7 +206,7 @@ class PlanCost:
 
     name: Annotated[str, one_of([*(cost.value for cost in Cost), WINDOW_COST])]
     value: Figure
-    """In percent of a full battery; of a window, its ``earliest_s``."""
+    """Cost in percent of a full battery; for a window, its ``earliest_s``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +214,6 @@ class DayCost:
     """What a plan of days was chosen by."""
 
     name: Annotated[str, one_of(objective.value for objective in Objective)]
-    """When the last sortie lands, the time in the air, or the number of sorties."""
+    """Objective: last landing, time in the air, or number of sorties."""
     value: Figure
-    """In seconds, or sorties."""
+    """Value in seconds, or in sorties."""

@@ -1,1 +1,1 @@
-"""What is different between autopilots: their dialect of the mission protocol, modes and failsafes."""
+"""Differences between autopilots: mission protocol dialect, modes and failsafes."""

@@ -18,7 +18,7 @@ from missions.flight_model import Performance, Tuning
 from missions.items import Frame
 
 Words = tuple[tuple[int, str], ...]
-"""A parameter's values and what the vehicle then does; a value that is not there is not known here."""
+"""Known values of a parameter, and what the vehicle does with each."""
 
 
 class StartStep(Enum):
@@ -50,18 +50,18 @@ class Modes:
 
     mission: ModeNumber
     hold: ModeNumber
-    """Stops where it is; safe without a remote control."""
+    """Hold position; safe without a remote control."""
     guided: ModeNumber
     return_home: ModeNumber
     land: ModeNumber
     other_ways_home: frozenset[int]
-    """Modes besides those two in which it comes home, or lands, by itself."""
+    """Other modes in which it returns or lands by itself."""
     manual: frozenset[int]
-    """Modes of sticks, and those that follow somebody or something else than a mission."""
+    """Stick modes, and modes that follow something other than a mission."""
     blind: frozenset[int]
-    """Modes of sticks in which a failsafe leaves it that does not know any more where it is."""
+    """Stick modes in which a failsafe leaves a vehicle that has lost its position."""
     other_names: Words
-    """As the autopilot calls the modes that are none of ours."""
+    """The autopilot's names of the other modes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,19 +69,19 @@ class ReturnParameters:
     """How the height of a return is set."""
 
     height: str
-    """Parameter: least height of the way home over the own home."""
+    """Parameter: least RTL height above home."""
     unit_m: float
     """One unit of ``height`` in metres."""
     descend_height: str | None = None
-    """Parameter in metres: where it waits above home before it lands, if the autopilot has one."""
+    """Parameter in metres: height at which it waits above home before landing, if the autopilot has one."""
     descend_wait: str | None = None
-    """Parameter in seconds: how long it waits there; 0 lands without a stop, and then that height does not matter."""
+    """Parameter in seconds: waiting time there; 0 lands without a stop, so that the height does not matter."""
     cone: str
-    """Parameter: the cone about home in which it climbs less."""
+    """Parameter: cone around home within which it climbs less."""
     cone_off: float
-    """The value of ``cone`` that makes it always climb to ``height``."""
+    """Value of ``cone`` with which it always climbs to ``height``."""
     cone_least: float
-    """A smaller value means the same."""
+    """Least effective value of ``cone``."""
     cone_unit: str
 
 
@@ -91,11 +91,11 @@ class TerrainRule:
 
     parameter: str
     on: frozenset[int]
-    """Its values with which it does."""
+    """Values that switch this on."""
     in_flight: bool
-    """Whether missions or returns as they are flown here are others for it."""
+    """Whether it changes missions or returns in flight."""
     words: str
-    """What it does then."""
+    """Effect, in words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +104,11 @@ class ShutterRule:
 
     parameter: str
     triggers: frozenset[Trigger]
-    """What it is needed for."""
+    """Failsafes that need it."""
     words: str
-    """The same."""
+    """Effect, in words."""
     remedy: str
-    """What it should be."""
+    """Recommended value, in words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,39 +116,39 @@ class GroundStationFailsafe:
     """What the vehicle does when it does not receive the ground station."""
 
     action: str
-    """Parameter that chooses it; 0 is nothing on both autopilots."""
+    """Parameter of the action; 0 is no action on both autopilots."""
     action_return: int
-    """Its value for a return home."""
+    """Value for RTL."""
     actions: Words
     timeout: str
     """Parameter: seconds without a link until it acts."""
     timeout_s: float
-    """Its default."""
+    """Default of that parameter."""
     timeout_most_s: float
-    """The longest that its reference allows."""
+    """Greatest value that the reference allows."""
     pause: str | None = None
-    """Parameter: seconds for which it holds before it acts; None if it acts at once."""
+    """Parameter: seconds of hold before the action; None if it acts at once."""
     pause_s: float
-    """Its default."""
+    """Default of that parameter."""
     pause_most_s: float
-    """The longest that its reference allows."""
+    """Greatest value that the reference allows."""
     reacts_after_s: float
-    """Silence from the last heartbeat to the first reaction with the default timeout, in the vehicle's time."""
+    """Seconds from the last heartbeat to the first reaction with the default time-out, on the vehicle's clock."""
     returns_after_s: float
-    """Silence to the return, with the defaults."""
+    """Seconds from the last heartbeat to RTL, with the defaults."""
     exception: tuple[str, int]
-    """Parameter, and the bit of it with which the vehicle flies its mission on all the same."""
+    """Parameter and bit with which the vehicle continues its mission instead."""
     station_sysid: str | None = None
-    """Parameter: whose heartbeats count; None if anybody's do."""
+    """Parameter: system id of the station whose heartbeats count; None if any station's do."""
 
 
 class ThresholdUnit(Enum):
     """What a battery threshold counts."""
 
     SHARE = "share"
-    """Of a full battery, 0 to 1."""
+    """Share of a full battery, 0 to 1."""
     MAH = "mah"
-    """Left in the battery."""
+    """Remaining charge in mAh."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,15 +157,15 @@ class BatteryLevel:
 
     name: str
     action: str
-    """Parameter that chooses what is done; 0 is nothing on both autopilots."""
+    """Parameter of the action; 0 is no action on both autopilots."""
     actions: Words
     threshold: str
-    """Parameter: the charge below which it is done; 0 is never."""
+    """Parameter: charge below which it acts; 0 is never."""
     unit: ThresholdUnit
     voltage: str | None = None
-    """Parameter: volts below which it is done too; None if the autopilot has none, 0 is never."""
+    """Parameter: voltage below which it acts too, 0 is never; None if the autopilot has none."""
     since: Mapping[int, tuple[int, int]] = field(default_factory=dict)
-    """Values of ``action`` that only newer firmware knows, with its major and minor number."""
+    """Values of ``action`` of newer firmware, with its major and minor version."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,12 +173,12 @@ class EarlyReturn:
     """A failsafe that acts as soon as the time left in the air is only just enough to come home."""
 
     action: str
-    """Parameter that chooses what is done."""
+    """Parameter of the action."""
     actions: Words
     nothing: tuple[int, ...]
-    """Its values for no action, or none before a level is reached."""
+    """Values for no action, or none before a level is reached."""
     without: str | None = None
-    """A parameter of older firmware: a vehicle that has it does not do so."""
+    """Parameter of older firmware; a vehicle with it has no early return."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,11 +186,11 @@ class BatteryFailsafe:
     """What the vehicle does on a low battery."""
 
     levels: tuple[BatteryLevel, ...]
-    """From the first to the last."""
+    """Battery levels, first to last."""
     early: tuple[EarlyReturn, ...]
-    """What acts before them."""
+    """Early returns, which act before the levels."""
     capacity: str | None = None
-    """Parameter: the full battery in mAh, where a threshold counts them."""
+    """Parameter: battery capacity in mAh, if a threshold is in mAh."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,26 +198,26 @@ class Geofence:
     """What a vehicle keeps to by itself: a cylinder about home, by parameters, and polygons by the mission protocol."""
 
     enabled_by: tuple[str, ...]
-    """The fence stands if any of these parameters is not 0."""
+    """Parameters any of which enables the fence if not 0."""
     kinds: tuple[str, int, int] | None = None
-    """Parameter, its bit for the height and its bit for the radius; None if a limit above 0 is enough."""
+    """Parameter, and its bits for height and radius; None if any limit above 0 is active."""
     height: str
-    """Parameter: metres over home; 0 is no limit."""
+    """Parameter: ceiling in metres above home; 0 is no limit."""
     radius: str
-    """Parameter: metres from home; 0 is no limit."""
+    """Parameter: radius in metres around home; 0 is no limit."""
     action: str
-    """Parameter that chooses what the vehicle does at a breach; 0 is nothing on both autopilots."""
+    """Parameter of the action on a breach; 0 is no action on both autopilots."""
     actions: Words
     named: tuple[tuple[str, int], ...]
-    """The values of ``action`` for what site files call warn, hold, return and land."""
+    """Values of ``action`` for warn, hold, return and land of the site file."""
     polygons: int
-    """The bit of ``kinds`` for polygons and circles that were put on board; 0 if they need none."""
+    """Bit of ``kinds`` for uploaded polygons and circles; 0 if they need none."""
     enable: str | None = None
-    """Parameter that switches the fence on with 1; None if ``action`` does."""
+    """Parameter that enables the fence with 1; None if ``action`` does."""
     rally_limit: str | None = None
-    """Parameter: rally points farther away than so many kilometres do not count, 0 for all; None if all do."""
+    """Parameter: range of usable rally points in km, 0 for no limit; None if all count."""
     checked_on_load: bool
-    """Whether a fence that does not hold its home and the vehicle is dropped, with a text and no refusal."""
+    """Whether a fence that excludes home or the vehicle is dropped with a text, without a refusal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +226,7 @@ class OtherName:
 
     name: str
     unit: float
-    """One unit of the parameter in units of this one."""
+    """Factor from the parameter's unit to this one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,73 +236,73 @@ class Dialect:
     __pydantic_config__ = ConfigDict(extra="forbid")
 
     name: str
-    """In site files and plans."""
+    """Name in site files and plans."""
     title: str
-    """As people write it."""
+    """Name for display."""
     number: int
     """MAV_AUTOPILOT."""
     home_item: bool
-    """Whether item 0 is a slot for home, whose content is ignored."""
+    """Whether item 0 is a home slot whose content is ignored."""
     position_frame: Frame
-    """Of items with a place, relative to home."""
+    """Frame of items with a position, relative to home."""
     command_frame: Frame
-    """Of items without one."""
+    """Frame of items without a position."""
     takeoff_with_position: bool
     """Whether the take-off item carries the pad's latitude and longitude."""
     no_yaw: float
-    """param4 for 'keep facing along the way'."""
+    """param4 for facing along the leg."""
     keeps_region: bool
-    """Whether a region of interest in a mission comes back as it was sent."""
+    """Whether a region of interest reads back unchanged."""
     shutter: ShutterRule
     gimbal_rate: float
     """param3 and param4 of DO_GIMBAL_MANAGER_PITCHYAW for 'an angle, at no rate'."""
     stop_radius_m: float
-    """param2 of a waypoint with a hold; 0 leaves the autopilot's own acceptance radius."""
+    """param2 of a waypoint with a hold; 0 keeps the autopilot's acceptance radius."""
     pass_radius_m: float
-    """param2 of a waypoint that is flown through."""
+    """param2 of a fly-through waypoint."""
     flag_first: int | None = None
-    """Which item of a first upload has ``current`` set; None for none."""
+    """Item of a first upload with ``current`` set; None for none."""
     max_items: int
-    """More than this is not encoded."""
+    """Most items of a mission."""
     home_reads_back: bool
-    """Whether item 0 comes back as it was sent."""
+    """Whether item 0 reads back unchanged."""
     land_yaw_kept: bool
-    """Whether param4 of a landing comes back as it was sent."""
+    """Whether param4 of a landing reads back unchanged."""
     commands_lose_frame: bool
-    """Whether items without a place come back with frame 0."""
+    """Whether items without a position read back with frame 0."""
     height_step_m: float
-    """Heights are stored in steps of this; 0 for float32."""
+    """Storage resolution of heights; 0 for float32."""
     reads_in_any_order: bool
-    """Whether items of a list can be asked for in any order, several at a time."""
+    """Whether items can be requested in any order, several at a time."""
     says_checksum: bool
-    """Whether it says a checksum of a list as it takes it, and when it is asked for it."""
+    """Whether it reports a list's checksum on acceptance and on request."""
     takes_mission_file: bool
-    """Whether it takes the last part of a mission as a file, over MAVFTP."""
+    """Whether it takes the last part of a mission as a file over MAVFTP."""
     upload_is_atomic: bool
     """Whether a new list takes effect as a whole, at its last item."""
     upload_silence_s: float
-    """It gives an upload up after this."""
+    """Silence after which it abandons an upload."""
     transfer_freed_s: float
-    """Another ground station's transfer is over when nothing was heard of it for so long; until then it is busy."""
+    """Silence after which it abandons another station's transfer; until then it is busy."""
     upload_warnings: frozenset[int]
-    """MISSION_ACK types during an upload that do not end it."""
+    """MISSION_ACK types that do not end an upload."""
     current_counts_home: bool
-    """Whether MISSION_CURRENT.total leaves home out, so that the last seq equals it."""
+    """Whether MISSION_CURRENT.total excludes home, so that the last seq equals it."""
     ends_in_other_mode: bool
-    """Whether the landing at a mission's end is flown in a mode of its own."""
+    """Whether the landing at a mission's end has its own mode."""
     low_battery_acts: bool
-    """Whether "Low battery" is the text of a failsafe; else it says that it is time to come home."""
+    """Whether the text "Low battery" reports a failsafe; otherwise it is a warning."""
     rounds_twice: bool
     """Whether BATTERY_STATUS rounds the percentage, and SYS_STATUS rounds it up."""
     percent_middle: float
-    """How far above a reported whole percent the middle of what it stands for lies: 0 rounded, 0.5 cut off."""
+    """Mean of the true value above a reported whole percent: 0 if rounded, 0.5 if truncated."""
     pack_parameters: tuple[str, ...]
-    """Which say what pack it has: the capacity that it counts by, its cells."""
+    """Parameters of its battery pack: capacity and cells."""
     own_streams_hz: Mapping[int, float]
-    """Messages that only this autopilot has, and how often they are asked for."""
+    """Messages of this autopilot only, and their requested rates."""
     unasked_hz: Mapping[int, float]
-    """Messages that it sends over a telemetry radio though nobody here reads them, and how often; what people or other
-    stations must not miss is none of them."""
+    """Messages that it sends over a telemetry radio although nothing here reads them, and their rates; without those
+    that people or other stations need."""
     start: tuple[StartStep, ...]
     modes: Modes
     return_parameters: ReturnParameters
@@ -310,19 +310,19 @@ class Dialect:
     battery_failsafe: BatteryFailsafe
     geofence: Geofence
     terrain: tuple[TerrainRule, ...]
-    """How it follows the ground by itself; nothing here relies on it."""
+    """Its own terrain following; nothing here relies on it."""
     performance: Performance
-    """How it flies missions by its own parameters' defaults."""
+    """Flight performance with default parameters."""
     tunings: tuple[Tuning, ...]
-    """Which parameters change that."""
+    """Parameters that change the performance."""
     other_names: Mapping[str, OtherName]
-    """Of parameters that were renamed, by the name that is used here."""
+    """Other names of renamed parameters, by the name used here."""
     oldest_version: tuple[int, int]
-    """Major and minor number; what is older was not looked at."""
+    """Oldest supported version: major, minor."""
     newest_version: tuple[int, int]
-    """Major and minor number; parameters of what is newer were not held against these tables."""
+    """Newest version whose parameters were checked against these tables: major, minor."""
     tested_version: str
-    """What this dialect was measured with."""
+    """Version that this dialect was measured with."""
 
 
 def _read_dialect(name: str) -> Dialect:

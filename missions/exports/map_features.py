@@ -26,7 +26,7 @@ Fact = str | float | int | bool | None
 NO_FACTS: Mapping[str, Fact] = MappingProxyType({})
 
 COLOURS = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#f5f5f5")
-"""Of vehicles, in the order of their layers: Okabe and Ito's, which stand off imagery; also for the colour-blind."""
+"""Vehicle colours in order of layers: Okabe and Ito's, which stand out on imagery and suit the colour-blind."""
 
 
 class MapFeatureKind(Enum):
@@ -54,7 +54,7 @@ class MapLinePiece:
 
     positions: tuple[Position, ...]
     times: tuple[str, ...] = ()
-    """ISO 8601 in UTC, one for each position; empty where it is a plan."""
+    """ISO 8601 times in UTC for each position; empty for a plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class MapLine:
     reference: Reference
     vehicle: str | None = None
     facts: Mapping[str, Fact] = field(default_factory=lambda: NO_FACTS)
-    """What else is known of it, by keys that are the same in every format."""
+    """Further facts, by keys that are the same in every format."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class MapFeatures:
 
     title: str
     vehicles: tuple[str, ...]
-    """In the order of their colours."""
+    """Vehicles in order of their colours."""
     ways: Sequence[MapLine]
     spots: Sequence[MapPoint]
 

@@ -27,7 +27,7 @@ MODES = {Reference.SEA: "absolute", Reference.GROUND: "relativeToGround", Refere
 WIDTHS = {"segment": 2.0, "planned": 2.0, "flown": 4.0}
 OPACITIES = {"segment": 0.8, "planned": 0.7, "flown": 1.0}
 _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Letters that XML 1.0 has no place for."""
+"""Characters that XML 1.0 does not allow."""
 
 
 def format_kml(drawn: MapFeatures) -> str:
