@@ -333,11 +333,11 @@ export interface RadioView {
 
 /** The re-plan window: from when on the others can finish if any one vehicle is lost. */
 export interface Window {
-  /** Of the longest route. */
+  /** Window as a share of the longest route. */
   window_pct: number;
   earliest_s: number;
   longest_route_s: number;
-  /** The loss just before it that has no re-plan. */
+  /** Latest loss before it without a re-plan. */
   breaking: BreakingLoss | null;
 }
 
