@@ -43,7 +43,9 @@ def functions(path: Path) -> Iterator[tuple[str, int]]:
 def linted(root: Path) -> subprocess.CompletedProcess[str]:
     """Hold a tree against the import contracts in its pyproject.toml."""
     linter = Path(sys.executable).with_name("lint-imports")
-    return subprocess.run([linter, "--no-cache"], cwd=root, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(
+        [linter, "--no-cache"], cwd=root, capture_output=True, text=True, check=False, timeout=PATIENCE_S
+    )
 
 
 def test_the_import_contracts_hold() -> None:

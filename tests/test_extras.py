@@ -15,6 +15,7 @@ import pytest
 
 from executor.adapters.extras import Extra, packages_of
 from executor.replay.open_log import ULOG_MAGIC
+from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[1]
 SITE = """
@@ -92,7 +93,7 @@ def build_command(hidden: Collection[str], calls: Sequence[str], *, first: str =
 def called(folder: Path, calls: Sequence[str], *, first: str = "") -> Mapping[str, tuple[int, str, str]]:
     """Call the command line in a process without any extra; return exit code, output and errors of each call."""
     command = build_command(HEAVY, calls, first=first)
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=200)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     return {call: (code, out, err) for call, (code, out, err) in zip(calls, json.loads(done.stdout), strict=True)}
 
@@ -147,7 +148,7 @@ def test_the_extras_are_those_of_the_package() -> None:
 def test_taking_a_flight_up_loads_only_what_every_flight_has() -> None:
     """The vehicles wait for our heartbeat meanwhile."""
     command = [sys.executable, "-X", "importtime", "-c", "import executor.flight.resume_flight"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=100)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines() if line.startswith("import time:")}
     assert "executor.flight.run_flight" in loaded
     assert {name.partition(".")[0] for name in loaded} & (

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 ROOT = Path(__file__).parents[1]
 ALONE = """
 import sys
@@ -60,5 +62,5 @@ ALSO = "pydantic pydantic_core annotated-types typing_extensions typing-inspecti
 )
 def test_it_imports_nothing_else(work: str, distributions: str) -> None:
     command = [sys.executable, "-c", ALONE.replace("{work}", work), distributions]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=200)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr

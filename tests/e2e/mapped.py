@@ -17,6 +17,7 @@ import executor.adapters.web
 from executor.adapters.web.guard import HEADERS
 from missions import LocalFrame
 from tests.e2e.gallery import QUIET
+from tests.patience import PATIENCE_S
 from tests.programs import find_program
 
 HOST = "http://map.test"
@@ -154,8 +155,8 @@ async def mapped(
         page = await browser.new_page(
             viewport={"width": 900, "height": 700}, has_touch=touch, color_scheme="dark" if dark else "light"
         )
-        page.set_default_timeout(60_000.0)
-        expect.set_options(timeout=60_000.0)
+        page.set_default_timeout(1000.0 * PATIENCE_S)
+        expect.set_options(timeout=1000.0 * PATIENCE_S)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda line: complaints.append(line.text) if "status of 404" not in line.text else None)
         await page.route("**/*", serve)

@@ -26,6 +26,7 @@ from tests.executor.flights import NAMES, NETWORK, write_run
 from tests.executor.grounds import Hills, ground_about
 from tests.executor.plan_page.opened import opened
 from tests.missions.builders import FRAME, line_east
+from tests.patience import PATIENCE_S
 from tests.programs import find_program
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
@@ -65,8 +66,8 @@ async def _showing(
             color_scheme="dark" if dark else "light",
             java_script_enabled=javascript,
         )
-        page.set_default_timeout(60_000.0)
-        expect.set_options(timeout=60_000.0)
+        page.set_default_timeout(1000.0 * PATIENCE_S)
+        expect.set_options(timeout=1000.0 * PATIENCE_S)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda line: complaints.append(line.text))
         page.on(

@@ -30,6 +30,7 @@ autopilot = "px4"
 """
 PLAN = """
 import sys, planner
+from tests.patience import PATIENCE_S
 travel = planner.travel_for(planner.PRESETS["mavic3"], 8.0, 3.0)
 fleet = [planner.Vehicle(name, (0.0, 0.0), 75.0) for name in ("uav1", "uav2")]
 spans = [[[100.0 * span, 50.0], [100.0 * span + 100.0, 50.0]] for span in range(6)]
@@ -87,7 +88,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         return Path(given).resolve()
     built = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-build-isolation", "--no-deps", "-w"]
-    subprocess.run([*command, built, ROOT], check=True, timeout=200)
+    subprocess.run([*command, built, ROOT], check=True, timeout=PATIENCE_S)
     [made] = built.glob("faultline_uav-*.whl")
     return made
 

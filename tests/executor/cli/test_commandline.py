@@ -13,6 +13,7 @@ import pytest
 from executor import __version__
 from executor.cli import commandline
 from executor.cli.commandline import COMMANDS, CheckoutRequired, load_command, read_summary
+from tests.patience import PATIENCE_S
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -27,7 +28,7 @@ def test_the_overview_imports_no_command() -> None:
         "try:\n    main(['--help'])\n"
         "except SystemExit:\n    print(*sys.modules, file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     loaded = set(done.stderr.split())
     assert "executor.cli.commandline" in loaded
     assert (
@@ -50,7 +51,13 @@ ROOT = Path(__file__).parents[3]
 def run_faultline(*given: str, **environment: str) -> str:
     command = [sys.executable, "-m", "executor", *given]
     done = subprocess.run(
-        command, cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=True, timeout=100
+        command,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE_S,
     )
     return done.stdout
 

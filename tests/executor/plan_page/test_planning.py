@@ -17,6 +17,7 @@ from executor.cli.main import main
 from executor.plan_page.plan_work import PlanSettings, answer_loss, make_plans
 from executor.plan_page.worker_site import read_site_model
 from tests.executor.plan_page.opened import DEMO_RADIUS, Opened, make_demo_site, opened
+from tests.patience import PATIENCE_S
 
 MOST_S = 60.0
 """Of searches that end once they are settled."""
@@ -296,7 +297,7 @@ def test_a_server_that_is_killed_loses_nothing(tmp_path: Path) -> None:
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         address = server.stdout.readline().split()[1]
-        with httpx.Client(base_url=address, timeout=120) as client:
+        with httpx.Client(base_url=address, timeout=PATIENCE_S) as client:
             workspace = client.get("/api/workspace").json()
             body = {
                 "revision": workspace["revision"],

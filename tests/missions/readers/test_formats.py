@@ -12,6 +12,7 @@ import pytest
 
 from missions import NetworkImport, Selection, build_network_document, import_network, parse_where
 from tests.missions.readers import same
+from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[3]
 KROVAK, UTM = "EPSG:5514", "EPSG:25833"
@@ -148,7 +149,7 @@ def test_ten_thousand_spans_fit_in_little_memory(tmp_path: Path) -> None:
     path = tmp_path / "many.csv"
     path.write_text("\n".join(rows))
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}){MEASURED}", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     spans, remarks, most_mib = map(int, done.stdout.split())
     assert (spans, remarks) == (10_000, 0)
     assert most_mib < 300
