@@ -1,4 +1,4 @@
-"""The fence of one vehicle: the ground within which its plan and its own way home lie, and how it goes over the wire.
+"""Build the fence of one vehicle around its plan and RTL, and encode it.
 
 A fence is convex. So the straight way home from anywhere inside is inside, whatever made the vehicle return, and a
 fence that covers two missions is the hull of both. Every simplification only makes it larger.

@@ -1,4 +1,4 @@
-"""How far places lie from straight legs, and legs from each other: the only place that knows.
+"""Distances between places and straight legs, and between legs.
 
 Arrays hold metres: places (m, d), legs (n, 2, d) from begin to end, with d = 2 over the ground or d = 3 in space. A leg
 without length is a place.

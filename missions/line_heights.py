@@ -1,4 +1,4 @@
-"""Which heights of a line are known, and whether a line can have them: what nobody knows is not flown over.
+"""Check which heights of a line are known and plausible; unknown ones are not flown over.
 
 Heights are known when every pylon has both ``elevation_m``, the ground at its foot above mean sea level, and
 ``height_m``, the structure's own. Where none are, the ground must be claimed to be as high as the depot's everywhere,

@@ -1,4 +1,4 @@
-"""Areas that flights keep out of, or keep low in, and their outlines.
+"""No-fly areas and height limits, and their outlines.
 
 An area is known by its outlines in local metres. Everything that flies keeps ``keep_m`` from them: what is nearer, over
 the ground, is in the area. Outlines are made fit to be flown around: cut to what is near, with few corners, and none

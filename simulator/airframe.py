@@ -1,4 +1,4 @@
-"""The vehicle without its brain: it flies goals, uses its battery, takes off, lands, falls and breaks."""
+"""The airframe without its autopilot: it flies goals, drains its battery, takes off, lands, falls and crashes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from simulator.physics import HARD_LANDING_M_S, Body, Limits, Place, PositionDri
 
 AIRBORNE_M = 0.3
 SETTLES_M_S = 8.6
-"""A fall from less than four metres, which a vehicle with killed motors survives; its legs bend."""
+"""Impact speed of a fall from just under 4 m, which a vehicle with killed motors survives."""
 WRECK_ROLL_RAD = math.radians(170.0)
 WRECK_UP_M = 0.1
-"""How high its middle lies, as such vehicles report it."""
+"""Height that a wrecked vehicle reports."""
 IDLE_DISARM_S = 10.0
-"""Armed on the ground without anything to do: DISARM_DELAY, COM_DISARM_PRFLT."""
+"""Idle time on the ground after which it disarms: DISARM_DELAY, COM_DISARM_PRFLT."""
 
 
 PAD = Place(0.0, 0.0, 0.0)
@@ -33,7 +33,7 @@ class Event:
     what: str
     t_s: float
     sender: int | None = None
-    """The system that gave the order, where it is one."""
+    """System that sent the command, if any."""
     place: Place = PAD
     charge_pct: float = 0.0
 
@@ -44,13 +44,13 @@ class AirframeSettings:
 
     limits: Limits
     spool_s: float
-    """Motors on until lift-off."""
+    """Time from motor start to lift-off."""
     disarm_landed_s: float
-    """Touch-down until the motors are off."""
+    """Time from touch-down to motor stop."""
     climb: Climb = PLAIN_CLIMB
-    """How it takes off, but for the place and the speeds."""
+    """Take-off template, without place and speeds."""
     wander_m: float = 0.0
-    """How far it swings about its place, one standard deviation each way."""
+    """Standard deviation of its position about the target, on each axis."""
 
 
 class Airframe:
@@ -68,18 +68,18 @@ class Airframe:
         self._reaches = vehicle.speed_reached
         self.armed = False
         self.crashed_s: float | None = None
-        """When it was destroyed."""
+        """Time of its crash."""
         self.climbing_out = False
-        """Whether the climb under way is a take-off."""
+        """Whether the present climb is a take-off."""
         self.wrecked = False
-        """Whether it lies on its back, or where it sank to, and goes on talking."""
+        """Whether it is a wreck on the ground that still transmits."""
         self.highest_m = 0.0
         self._turns_over = False
-        """Whether the fall under way ends on its back."""
+        """Whether the present fall ends on its back."""
         self._stops = False
-        """Whether it was disarmed as the fall began."""
+        """Whether it was disarmed when the fall began."""
         self._bears_m_s = HARD_LANDING_M_S
-        """How hard the fall under way may end."""
+        """Impact speed that it survives in the present fall."""
         self._descending = False
         self._manners = manners
         self._climbed_to: Place | None = None

@@ -45,9 +45,9 @@ EKF_BOOT = 1024
 """Flags of EKF_STATUS_REPORT: 'uninitialised'."""
 LOW, CRITICAL = 1, 2
 MOST_SLOW_S = 2.0
-"""What a full radio adds to the interval of every stream."""
+"""Largest delay that a full radio adds to every stream's interval."""
 EMERGENCY_PCT = 8.0
-"""What an emergency leaves of the charge: enough to land."""
+"""Charge left by the emergency fault: enough to land."""
 DEV = 0
 """FIRMWARE_VERSION_TYPE."""
 
@@ -69,7 +69,7 @@ class Mode(IntEnum):
 TAKEOFFS = (messages.MavCommand.NAV_TAKEOFF, messages.MavCommand.NAV_VTOL_TAKEOFF)
 LANDINGS = (messages.MavCommand.NAV_LAND, messages.MavCommand.NAV_VTOL_LAND)
 STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD})
-"""Without a remote control their throttle is low: in the air they sink."""
+"""Modes that sink in the air without a remote control, as the throttle is low."""
 ARMABLE = frozenset({*STICK_MODES, Mode.GUIDED})
 FS_LAND, FS_RTL = 1, frozenset({2, 3, 4})
 """BATT_FS_*_ACT; SmartRTL has no path to follow here and is RTL."""
@@ -91,7 +91,7 @@ class ArduPilot(Autopilot):
     WORDS: ClassVar = Mode.__members__
     FIX: ClassVar = 6
     CAPABILITIES: ClassVar = sum(1 << bit for bit in (0, 1, 2, 3, 5, 7, 8, 13, 14, 15))
-    """Missions in float and int, parameters as floats, COMMAND_INT, files, set-points of both kinds, MAVLink 2, fence,
+    """Missions in float and int, parameters as floats, COMMAND_INT, MAVFTP, both kinds of set-points, MAVLink 2, fence,
     rally points."""
     UNKNOWN: ClassVar = frozenset({"ALTITUDE", "ODOMETRY", "ACTUATOR_OUTPUT_STATUS", "HIL_STATE_QUATERNION"})
     VERSION: ClassVar = (4, 7, 0, DEV)
@@ -106,14 +106,14 @@ class ArduPilot(Autopilot):
         self._breached, self._breaches = False, 0
         self._shapes: tuple[mission_store.FenceShape, ...] = ()
         self._outside = False
-        """Whether it is outside its fence by its own place; a breach may also be injected."""
+        """Whether its position is outside its fence; a breach may also be injected."""
         self._fences_on = self._fences_off = 0
         self._drifts = False
-        """Whether it flies at a speed that was asked for as guided."""
+        """Whether it flies a requested velocity in GUIDED."""
         self._battery_level = 0
         self._low_since_s: dict[int, float] = {}
         self._gauge_offset_pct = 0.0
-        """The coulomb counter begins at 100 % with every boot, whatever the pack holds."""
+        """Offset of the coulomb counter, which starts at 100 % with every boot."""
 
     def _own_commands(self) -> dict[int, Handler]:
         return {

@@ -1,4 +1,4 @@
-"""What ArduPilot and PX4 have in common: time, telemetry on schedule, the dispatch of what is heard.
+"""What ArduPilot and PX4 have in common: time, scheduled telemetry, message dispatch.
 
 A vehicle is advanced in fixed steps of its own time, and everything it does follows that time. It knows no socket, no
 wall clock and no chance: ``advance`` and ``receive`` go in, ``voice.drain()`` and ``frame.drain_events()`` come out.
@@ -30,59 +30,59 @@ from simulator.store_px4 import Px4Store
 from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
 
 STEP_S = 0.05
-"""Physics and decisions, simulated."""
+"""Step of physics and decisions, in simulated seconds."""
 BOOT_S = 5.0
-"""Silence of a restart."""
+"""Silence during a restart."""
 FULL_PCT = 100.0
 WALK_S = 15.0
-"""Until somebody is beside a vehicle that has landed."""
+"""Time until a person reaches a landed vehicle."""
 PACK_S = 20.0
-"""Without power, and until it has booted."""
+"""Time of a pack swap, until it has booted."""
 BOOT_ANEW_S = 8.0
 """Measured: PX4's simulator, killed and restarted, answers again from its pad."""
 BESIDE_PAD_M = 3.0
-"""Who is armed this near to its home has it where it was: simulated landings are off by less."""
+"""Distance to home within which arming keeps the old home; simulated landings are off by less."""
 DRIFT_M, DRIFT_M_S = 4.0, 0.5
-"""How far and how fast the air carries a vehicle that holds its height alone."""
+"""Drift distance and speed of a vehicle that holds only its height."""
 LAST_WORDS_S = 2.0
-"""How long a crashed vehicle still reports that it is disarmed."""
+"""Time for which a crashed vehicle still reports that it is disarmed."""
 FORCE = 21196
 """param2 of COMPONENT_ARM_DISARM that stops the motors in flight."""
 
 
 Handler = Callable[[messages.Command], messages.Result | None]
-"""Obeys a command; None is that nobody answers."""
+"""Carries out a command; None sends no answer."""
 
 
 class Autopilot(ABC):
     """One vehicle."""
 
     STREAMS_S: ClassVar[Mapping[str, float]]
-    """What is sent without being asked for, and its interval."""
+    """Default streams and their intervals."""
     REFUSED: ClassVar[messages.Result]
-    """The result of arming or disarming that is refused."""
+    """Result of a refused arming or disarming."""
     INVALID: ClassVar[messages.Result]
-    """The result of a request for a message that it does not have."""
+    """Result of a request for an unknown message."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
-    """Whether a message that was requested comes behind the acknowledgement."""
+    """Whether a requested message follows the acknowledgement."""
     ACKNOWLEDGES_EVERYWHERE: ClassVar[bool]
-    """Whether a command is acknowledged over all its links, and not only where it came from."""
+    """Whether a command is acknowledged over all links, not only the one it came from."""
     ON_ITS_BACK: ClassVar[str]
-    """Why a wreck is not armed again."""
+    """Reason against arming a wreck."""
     KILLED: ClassVar[str]
-    """Why it is not armed while its kill switch is on."""
+    """Reason against arming while the kill switch is on."""
     KILL_SAYS: ClassVar[str]
-    """What it says when somebody stops its motors."""
+    """Text when a person stops its motors."""
     WORDS: ClassVar[Mapping[str, int]]
-    """Numbers of the modes that a person chooses."""
+    """Numbers of the modes that a pilot may choose."""
     FIX: ClassVar[int]
-    """GPS_FIX_TYPE of its receiver when it knows where it is."""
+    """GPS_FIX_TYPE with a fix."""
     CAPABILITIES: ClassVar[int]
     """MAV_PROTOCOL_CAPABILITY."""
     VERSION: ClassVar[tuple[int, int, int, int]]
     """Three numbers and FIRMWARE_VERSION_TYPE."""
     UNKNOWN: ClassVar[frozenset[str]]
-    """Messages that this dialect does not have."""
+    """Messages that this dialect lacks."""
     mission: ArduPilotMission | Px4Mission
 
     def __init__(
@@ -99,30 +99,30 @@ class Autopilot(ABC):
         self.now_s = self.boot_s = 0.0
         self.mode = 0
         self.killed = False
-        """Whether a person keeps the kill switch on: it does not arm then."""
+        """Whether the kill switch is on, which prevents arming."""
         self.hands = False
-        """Whether a person holds the sticks: a mode that follows them keeps its height then."""
+        """Whether a pilot holds the sticks; stick modes then keep their height."""
         self.positioning = Positioning()
         self.guided = GuidedFlight(self.frame, home, manners.limits)
         self._asking = 0
-        """Over which of its links came what it does now."""
+        """Link that the present message came over."""
         self.schedules = self._start_streams()
         self.gcs_heard_s: float | None = None
-        """When the ground station that counts was last heard; None before it ever was."""
+        """Time of the last heartbeat of its ground station; None before the first."""
         self._mission_began_s: float | None = None
         self._mission_length_m = 0.0
         self._odometer_m = 0.0
         self._rebooting_until_s: float | None = None
         self._was_armed = self._was_up = self._may_acknowledge = False
         self.landings = 0
-        """How often it has come to rest after a flight, and somebody is beside it."""
+        """Number of landings after which a person has reached it."""
         self._rests_s: float | None = None
-        """Since when nobody has come to it after its last landing."""
+        """Time of its last landing, until a person reaches it."""
         self.told_to_disarm = False
-        """Whether a command stopped the motors last."""
+        """Whether the motors were last stopped by a command."""
         self.payload = Payload(vehicle, home, self.frame.body) if vehicle.cameras else None
         self._partner = messages.Peer(0, 0)
-        """Who gave the command that is being obeyed."""
+        """Sender of the present command."""
         self._after_ack: list[messages.Outbound] = []
         self._commands: Mapping[int, Handler] = {
             messages.MavCommand.COMPONENT_ARM_DISARM: self._handle_arm_command,

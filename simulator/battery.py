@@ -14,9 +14,9 @@ from planner.energy import CLIMB_SHARE_PER_M_S, Drone, pct_per_s, power_w, top_s
 
 CHARGE_PCT = (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 REST_CELL_V = (3.27, 3.61, 3.69, 3.71, 3.73, 3.77, 3.80, 3.84, 3.87, 3.95, 4.02, 4.11, 4.20)
-"""Resting voltage of a lithium polymer cell at those charges; the usual published table."""
+"""Resting voltage of a LiPo cell at these charges; the commonly published table."""
 HOVER_SAG = 0.03
-"""Share of the nominal voltage that hovering costs: 12.6 to 12.26 V in the recorded ArduPilot flight."""
+"""Voltage sag in hover, as a share of nominal: 12.6 to 12.26 V in a recorded ArduPilot flight."""
 
 
 @lru_cache(maxsize=4096)
@@ -33,9 +33,9 @@ class Battery:
         self._consumption = consumption
         self._health = health
         self.charge_pct = charge_pct
-        """What it really holds."""
+        """True charge."""
         self.drain_factor = 1.0
-        """Set by a fault."""
+        """Factor on consumption, set by a fault."""
         self.capacity_mah = drone.capacity_ah * 1000 * health
         nominal_v = drone.cell_voltage_v * drone.cells
         self._resistance_ohm = HOVER_SAG * nominal_v**2 / power_w(drone, 0.0) / health

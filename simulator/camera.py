@@ -27,12 +27,12 @@ YAW_LOCK = 16
 """GIMBAL_MANAGER_FLAGS: the yaw counts from north."""
 ROLL_AND_PITCH_LOCK = 4 | 8
 YAW_OF_VEHICLE = 32
-"""GIMBAL_DEVICE_FLAGS: the yaw that is said counts from the nose."""
+"""GIMBAL_DEVICE_FLAGS: the reported yaw counts from the nose."""
 ABILITIES = 2 | 4 | 256 | 512 | 1024
-"""GIMBAL_MANAGER_CAP_FLAGS: a neutral place, and its axes, the yaw with the vehicle or locked."""
+"""GIMBAL_MANAGER_CAP_FLAGS: neutral position and axes, with yaw following or locked."""
 DOWN_RAD, UP_RAD = math.radians(-90.0), math.radians(30.0)
 ASKING, NOBODY = -2.0, -3.0
-"""Whom DO_GIMBAL_MANAGER_CONFIGURE gives the control to: who asks; nobody, if it was who asks."""
+"""Arguments of DO_GIMBAL_MANAGER_CONFIGURE: give control to the sender, or release the sender's control."""
 
 
 @dataclass(slots=True)
@@ -43,11 +43,11 @@ class Gimbal:
     yaw_deg: float = 0.0
     wanted: tuple[float, float] = (0.0, 0.0)
     from_north: bool = False
-    """Whether the yaw that is wanted counts from north."""
+    """Whether the target yaw counts from north."""
     stuck: bool = False
     due_s: float = 0.0
     control: tuple[int, int] | None = None
-    """System and component that have taken control of it; None while nobody ever has."""
+    """System and component in control; None before the first."""
 
     def change_control(self, params: Sequence[float], sender: tuple[int, int]) -> None:
         """Give its control to who asks for it, or take it back."""
@@ -135,7 +135,7 @@ FOCAL_MM, SENSOR_MM, PIXELS = 24.0, (17.3, 13.0), (5280, 3956)
 REQUEST_MESSAGE = 512
 NEVER_S = math.inf
 LOOKS_DEG = -90.0
-"""The pitch of a camera without a gimbal."""
+"""Pitch of a camera without a gimbal."""
 OF_CAMERAS = frozenset({
     Item.IMAGE_START_CAPTURE, Item.IMAGE_STOP_CAPTURE, Item.VIDEO_START_CAPTURE, Item.VIDEO_STOP_CAPTURE,
 })  # fmt: skip
@@ -153,7 +153,7 @@ class CapturedImage:
     lon_deg: float
     alt_msl_m: float
     east_m: float
-    """Of its pad, as the next two."""
+    """Position from its pad, like the next two."""
     north_m: float
     up_m: float
     pitch_deg: float
@@ -170,9 +170,9 @@ class CameraUnit:
         self.silent = self.mute = self.full = False
         self.loss = 0.0
         self.images = 0
-        """How many it has taken."""
+        """Number of pictures taken."""
         self.told: dict[int, Outbound] = {}
-        """What it said of each picture."""
+        """Message sent for each picture."""
         self.every_s = 0.0
         self.due_s = NEVER_S
         self.filming_s: float | None = None
@@ -197,9 +197,9 @@ class Payload:
     units: list[CameraUnit] = field(init=False)
     gimbal: Gimbal | None = field(init=False)
     region: Place | None = None
-    """What the gimbal, or else the nose, is turned to by the autopilot."""
+    """Target of the gimbal, or of the nose without one."""
     every_m: float = 0.0
-    """The autopilot triggers after so much way; 0 is not at all."""
+    """Trigger distance of the autopilot; 0 is off."""
     _last_m: tuple[float, float] | None = None
     _triggers: int = 0
     _said: list[ComponentMessage] = field(default_factory=list)

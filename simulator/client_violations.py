@@ -13,13 +13,13 @@ from simulator.messages import MissionResult
 from simulator.transcript import Said
 
 HEARTBEAT_GAP_S = 5.0
-"""So long a client may go without a HEARTBEAT, simulated; it owes one a second."""
+"""Longest gap between a client's HEARTBEATs, simulated; one a second is due."""
 ANSWER_S = 1.0
-"""What was asked for so long ago, and not sent, was left out."""
+"""Time after which an unanswered request counts as ignored."""
 AGAIN_S = 0.1
-"""So long after an item the next request may have been lost: it may be sent again, asked for or not."""
+"""Time after an item from which it may be resent unasked, as the next request may be lost."""
 SAME_NUMBER = 3
-"""So many frames in a row with one number are not numbered."""
+"""Consecutive frames with one sequence number that count as unnumbered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Violation:
     t_s: float
     vehicle: str
     client: int
-    """Its MAVLink system id."""
+    """MAVLink system id of the client."""
     about: str
     """``upload``, ``download``, ``heartbeat``, ``address`` or ``numbering``."""
     what: str
@@ -44,13 +44,13 @@ class _Upload:
     asked: Counter[int] = field(default_factory=Counter)
     sent: Counter[int] = field(default_factory=Counter)
     last: int = -1
-    """The item asked for last."""
+    """Last requested item."""
     asked_s: dict[int, float] = field(default_factory=dict)
-    """When an item was asked for first."""
+    """Time of the first request of each item."""
     sent_s: float = 0.0
-    """When an item came last."""
+    """Time of the last item."""
     over: bool = False
-    """Whether it has ended; an item that was asked for twice may come twice, the second time behind the end."""
+    """Whether it has ended; an item requested twice may arrive again after the end."""
 
     def end(self, now_s: float) -> Iterator[tuple[str, str]]:
         """Name what was asked for and never came."""

@@ -1,4 +1,4 @@
-"""How a simulated fleet and its ground stations keep one time, so that neither's outruns the other's.
+"""Keep one time between a simulated fleet and its ground stations, so that neither outruns the other.
 
 Lines of text on a TCP connection within this computer, to the port number of the fleet's first vehicle. The fleet
 greets, the ground station greets back; then the fleet says how far it has lived, and the ground station up to where it
@@ -18,11 +18,11 @@ from typing import cast
 NAME = "faultline-time-1"
 HERE = "127.0.0.1"
 AHEAD_S = 0.1
-"""Simulated seconds that the fleet lives at most beyond what the ground station has taken in: a radio's delay."""
+"""Most simulated seconds that the fleet runs ahead of the ground station: a radio's delay."""
 LOOK_REAL_S = 0.5
-"""A partner that says nothing for so long is looked at: one that was stopped on purpose is not waited for."""
+"""Silence after which a partner is checked; one that was stopped on purpose is not waited for."""
 PATIENCE_REAL_S = 10.0
-"""One that is not stopped, and says nothing for so long, is gone on without."""
+"""Silence after which the fleet continues without a partner that is not stopped."""
 LONGEST_LINE = 200
 
 
@@ -33,9 +33,9 @@ class Greeting:
     pid: int
     speedup: float
     lived_s: float = 0.0
-    """How far the fleet has lived."""
+    """Time up to which the fleet has run."""
     unix_s: float = 0.0
-    """The date of that moment, on the fleet's clock."""
+    """Unix time of that moment on the fleet's clock."""
 
     def to_line(self) -> bytes:
         """Return it as it is sent."""
@@ -127,9 +127,9 @@ class Stations:
         """
         self.lived_s = 0.0
         self.moved = asyncio.Event()
-        """Set when one of them has taken something in, has come, or has gone."""
+        """Set when a partner has acknowledged, connected or disconnected."""
         self.ever = False
-        """Whether anybody was ever there: the dates of such a flight follow its time, not the computer's."""
+        """Whether a partner ever connected; dates then follow flight time, not the computer's."""
         self.speedup = speedup
         self.dated_s = dated_s
         self.monotonic_s = monotonic_s
@@ -183,7 +183,7 @@ class Station(asyncio.Protocol):
         self._turn: ReplyWait | None = None
         self._taken_s = 0.0
         self._alone = False
-        """Whether the fleet lives on without it, until it says something again."""
+        """Whether the fleet continues without it until it speaks again."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet."""

@@ -1,4 +1,4 @@
-"""What to simulate: vehicles, their link, their battery, the speed of time, and the faults that are ordered."""
+"""What to simulate: vehicles, links, batteries, speed of time, and faults."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from simulator.fault_kinds import ALL_VEHICLES, Injection, check_modes
 LOOPBACK = "127.0.0.1"
 OTHER_STATION = 254
 PX4_RATE_BYTES_S = 1200.0
-"""MAV_0_RATE as PX4 comes, on a telemetry radio."""
+"""PX4's default MAV_0_RATE on a telemetry radio."""
 EVERY_ADDRESS = "0.0.0.0"  # noqa: S104 - a ground station elsewhere is only reached from here
 
 
@@ -32,7 +32,7 @@ class Endpoint:
     bind: tuple[str, int]
     """Local address; port 0 lets the system choose."""
     target: tuple[str, int] | None
-    """Whom to send to unasked; None waits until somebody calls."""
+    """Address to send to; None waits for a client."""
 
 
 def parse_vehicle_endpoint(connection: str) -> Endpoint:
@@ -67,9 +67,9 @@ class Signing:
     key: bytes = field(repr=False)
     """32 bytes."""
     began_ticks: int
-    """Steps of 10 us since 2015 at the beginning of the simulation."""
+    """Signing time at the start: steps of 10 us since 2015."""
     ticks_per_s: float = 100_000.0
-    """In a simulated second: signatures are dated in real time, whatever the speed of the simulation."""
+    """Signing ticks per simulated second; signatures follow real time at any speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class SimCamera:
 
     name: str
     id: int = 0
-    """From 7 on it is a component that speaks for itself; below it is wired to the autopilot."""
+    """Camera id: from 7 on a component of its own, below it wired to the autopilot."""
     gimbal: bool = False
 
 
@@ -90,35 +90,35 @@ class SimVehicle:
     sysid: int
     autopilot: AutopilotKind
     connection: str | tuple[str, ...]
-    """As in the site file, seen from the ground station: ``udpin://`` or ``udpout://``, or several of them."""
+    """Connection as in the site file, from the ground station's side: ``udpin://`` or ``udpout://``, or several."""
     home_lat_deg: float
     home_lon_deg: float
     home_alt_m: float
     """Ground at the pad, above mean sea level; the ground is level around it."""
     drone: Drone = PRESETS["mavic3"]
     charge_pct: float = 100.0
-    """Charge when the simulation begins."""
+    """Charge at the start."""
     health: float = 1.0
-    """Capacity relative to a new pack; a worn one also has more internal resistance."""
+    """Capacity relative to a new pack; a worn pack also has more internal resistance."""
     consumption: float = 1.0
     """Power relative to the energy model."""
     speed_reached: float = 1.0
-    """Share of any speed asked of it over ground that it flies at."""
+    """Share of a requested ground speed that it reaches."""
     wind_m_s: tuple[float, float] = (0.0, 0.0)
-    """Where the air moves to, east and north, in the air: what it uses follows from its air speed."""
+    """Wind as the direction the air moves, east and north; consumption follows air speed."""
     current_sensor: bool = True
     ready_after_s: float = 3.0
     """Boot until it can be armed, simulated. Measured: PX4 5 s, ArduPilot 42 s; shorter spares waiting."""
     transfer_patience_s: float = 0.0
-    """A mission transfer is not given up sooner than this, simulated, though a real autopilot does: where a simulation
-    runs faster than real time, a silent partner may be a busy computer."""
+    """Least time before a mission transfer is abandoned, simulated. Real autopilots abandon sooner, but in a fast
+    simulation a silent partner may be a busy computer."""
     rate_bytes_s: float = math.inf
     """PX4: MAV_0_RATE, to which it scales its streams."""
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Autopilot parameters that differ from the defaults."""
     seed: int = 0
     signing: Signing | None = None
-    """None: it neither signs nor asks others to."""
+    """Signing key; None neither signs nor requires signatures."""
     cameras: tuple[SimCamera, ...] = ()
     other_station: int = OTHER_STATION
     """MAVLink system id of the ground station that the fault `station` brings up."""
@@ -146,8 +146,8 @@ class SimFleet:
     speedup: float = 1.0
     faults: tuple[Injection, ...] = ()
     radio: str = ""
-    """The radio that they share, as ``parse_radio`` reads it; without one they are on a network. Of vehicles with
-    several links those of each, with a comma between them, and nothing for a link that is on a network."""
+    """Shared radio as ``parse_radio`` reads it; empty for a network. For vehicles with several links, one for each,
+    separated by commas, empty for a network link."""
 
     def __post_init__(self) -> None:
         """Check that the connections can be told apart, and the faults find their vehicles.

@@ -1,4 +1,4 @@
-"""The faults that can be ordered of simulated vehicles: their kinds, how they are written, when they are due."""
+"""Faults of simulated vehicles: kinds, notation, and triggers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class InjectionKind(Enum):
     """What goes wrong."""
 
     SILENT = "silent"
-    """The link is dead both ways, for good or for VALUE seconds; the vehicle flies on."""
+    """The link is dead in both directions, for good or for VALUE seconds; the vehicle flies on."""
     BATTERY_STEP = "battery-step"
     """VALUE points of charge are lost at once."""
     DRAIN = "drain"
@@ -41,19 +41,20 @@ class InjectionKind(Enum):
     DUPLICATE = "duplicate"
     """A share VALUE of the datagrams comes twice."""
     REORDER = "reorder"
-    """A share VALUE of the datagrams is overtaken by later ones."""
+    """A share VALUE of the datagrams arrives out of order."""
     RATE = "rate"
-    """VALUE bytes a second pass each way, as over a radio: the rest waits, and is lost where the queue is full."""
+    """VALUE bytes a second pass in each direction, as over a radio; the rest is queued, and lost when the queue is
+    full."""
     PILOT = "pilot"
-    """A person switches to the mode VALUE by remote control, and holds the sticks from then on."""
+    """A pilot switches to mode VALUE by remote control and holds the sticks from then on."""
     STICKS = "sticks"
-    """A person moves the sticks: PX4 gives way, ArduPilot on its mission does not."""
+    """A pilot moves the sticks: PX4 switches to manual, ArduPilot on its mission does not."""
     STATION = "station"
-    """Another ground station, system 254 (253 where that is ours), comes up beside ours and orders the mode VALUE."""
+    """Another ground station, system 254 (253 if that is ours), appears and commands mode VALUE."""
     KILL = "kill"
-    """A person's kill switch: the motors stop at once, and it is disarmed wherever it is."""
+    """A pilot's kill switch: the motors stop at once, and it disarms wherever it is."""
     DISARM = "disarm"
-    """A person disarms it, which no autopilot does in the air."""
+    """A pilot disarms it, which no autopilot does in the air."""
     WRECK = "wreck"
     """It falls, and lies on its back with its motors on: armed, in the mode that it was in, and it goes on talking."""
     FENCE = "fence"
@@ -61,22 +62,22 @@ class InjectionKind(Enum):
     EMERGENCY = "emergency"
     """Its battery falls to a few percent, and its own failsafe acts: LAND, or VALUE."""
     EKF = "ekf"
-    """It does not know where it is any more, and lands."""
+    """Its position estimate fails, and it lands."""
     GPS = "gps"
-    """Its GPS has no fix, for good or for VALUE seconds; it reckons where it is, and its failsafe lands it."""
+    """Its GPS loses its fix, for good or for VALUE seconds; it dead-reckons, and its failsafe lands it."""
     CAMERA_SILENT = "camera-silent"
-    """Its cameras take no pictures and say nothing any more."""
+    """Its cameras take no pictures and send nothing."""
     CAMERA_MUTE = "camera-mute"
-    """Its cameras take pictures and do not say so."""
+    """Its cameras take pictures without reporting them."""
     CAMERA_LOSS = "camera-loss"
-    """A share VALUE of what its cameras say of pictures is lost."""
+    """A share VALUE of its cameras' reports is lost."""
     CARD_FULL = "card-full"
-    """Its cameras have no room for pictures any more."""
+    """The memory cards of its cameras are full."""
     GIMBAL_STUCK = "gimbal-stuck"
-    """Its gimbal stays as it is."""
+    """Its gimbal does not move."""
     PACK = "pack"
-    """A person changes the pack of a vehicle whose motors stand still: it is without power for a while, and starts
-    anew with one that holds VALUE percent, or a full one."""
+    """A person swaps the pack of a vehicle with stopped motors: it loses power for a while, and restarts with VALUE
+    percent, or full."""
 
 
 PAYLOAD_FAULTS = frozenset({
@@ -88,7 +89,7 @@ LINK_FIELDS: Mapping[InjectionKind, str] = {
     InjectionKind.LOSS: "loss", InjectionKind.DELAY: "delay_s", InjectionKind.DUPLICATE: "duplicate",
     InjectionKind.REORDER: "reorder", InjectionKind.RATE: "rate_bytes_s",
 }  # fmt: skip
-"""What faults of a link change of its condition."""
+"""Link condition that each link fault changes."""
 LINK_FAULTS = frozenset({InjectionKind.SILENT, *LINK_FIELDS})
 
 
@@ -97,21 +98,21 @@ class _Rule:
     """What may stand behind the kind's equals sign."""
 
     expected: str
-    """In words, for the error line."""
+    """Expected value, for the error line."""
     low: float = 0.0
     high: float = math.inf
     required: bool = True
     seconds: bool = False
     """Whether the number may carry an ``s``."""
     words: frozenset[str] = frozenset()
-    """Where it is a word instead."""
+    """Allowed words, if the value is a word."""
 
 
 PILOT_MODES: Mapping[str, frozenset[str]] = {
     "ardupilot": frozenset({"AUTO", "LOITER", "ALT_HOLD", "STABILIZE", "POSHOLD", "BRAKE", "RTL", "LAND"}),
     "px4": frozenset({"MISSION", "POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"}),
 }
-"""The modes that a person may choose, by the autopilot's name."""
+"""Modes that a pilot may choose, by autopilot."""
 
 
 _WORDS = frozenset().union(*PILOT_MODES.values())
@@ -135,7 +136,7 @@ _RULES: dict[InjectionKind, _Rule] = {
     InjectionKind.GPS: _Rule("seconds, such as 20s, or nothing for good", required=False, seconds=True),
     InjectionKind.PACK: _Rule("percent that it holds, above 0 to 100, or nothing", 1.0, 100.0, required=False),
 }
-"""Without one a kind takes no value."""
+"""Rules for values; a kind without one takes none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,19 +148,19 @@ class Injection:
     kind: InjectionKind
     value: float | None = None
     after_s: float | None = None
-    """Simulated seconds after the vehicle began its mission; 0 is from the beginning, before any mission."""
+    """Trigger: simulated seconds after the mission start; 0 is from the very start."""
     share: float | None = None
-    """Of the length of the mission that the vehicle began with, 0 to 1."""
+    """Trigger: share of the initial mission's length, 0 to 1."""
     height_m: float | None = None
-    """Over its pad, on its way up or down."""
+    """Trigger: height above its pad, climbing or descending."""
     down: bool = False
-    """Whether the height counts on the way down."""
+    """Whether the height counts while descending."""
     landings: int | None = None
-    """So many times it has landed."""
+    """Trigger: number of landings."""
     word: str = ""
-    """What stands behind the equals sign of a kind that takes a word."""
+    """Word after the equals sign."""
     link: int = 0
-    """Of a fault of a link: which one of several, from 1; 0 is all of them."""
+    """For a link fault: link number from 1; 0 is all links."""
 
     @property
     def spec(self) -> str:

@@ -20,7 +20,7 @@ REPLY = struct.Struct("<HBBBBBxI")
 PAYLOAD_BYTES, DATA_BYTES = 251, 239
 WORD = struct.Struct("<I")
 CHUNKS_A_STEP = 5
-"""Of a burst: about what both send between two rounds over a network."""
+"""Burst chunks per step, about as many as both autopilots send over a network."""
 WRITES = frozenset({Ftp.OPENFILEWO, Ftp.CREATEFILE})
 OPENS = WRITES | {Ftp.OPENFILERO}
 BAD_FILE, NO_FOLDER, IS_FOLDER, NOT_EMPTY = 9, 20, 21, 39
@@ -55,11 +55,11 @@ class VirtualFile:
     """A file that is made when it is read, or understood when it is closed."""
 
     size: int
-    """As it is told before anybody knows."""
+    """Size reported before the content is known."""
     build: Callable[[int], bytes]
-    """Returns what is in it for a station that reads so many bytes at a time."""
+    """Builds its content for a station with this read size."""
     put: Callable[[bytes], None] | None = None
-    """Takes what was written; None where nobody can write."""
+    """Takes written content; None if read-only."""
 
 
 class FileTree:
@@ -67,7 +67,7 @@ class FileTree:
 
     def __init__(self) -> None:
         self._entries: dict[str, bytearray | None] = {}
-        """None is a folder."""
+        """Files and folders by path; None is a folder."""
 
     def file_at(self, path: str, *, create: bool = False) -> bytearray:
         """Return what is in a file, to read or to change.
@@ -160,16 +160,16 @@ class FileServer:
     """PX4's, for one of its links."""
 
     SILENCE_S = 10.0
-    """After so long without a request the file is closed."""
+    """Silence after which the file is closed."""
 
     def __init__(self, tree: FileTree) -> None:
         self.tree = tree
         self.link = 0
-        """Where the last request came from."""
+        """Link of the last request."""
         self._open: OpenFile | None = None
         self._asked_s = float("-inf")
         self._last: tuple[object, Outbound] | None = None
-        """The last answer, and what a request must have in common with the one that it answered to be a repetition."""
+        """Last answer, and the key by which a repeated request is recognised."""
         self._burst: Iterator[Outbound] = iter(())
 
     def handle(self, request: FileRequest, sender: Peer, now_s: float) -> list[Outbound]:
@@ -357,9 +357,9 @@ class ArduPilotFileServer(FileServer):
 
     SILENCE_S = math.inf
     SESSION_S = 3.0
-    """After so long without a request another station may take over."""
+    """Silence after which another station may take over."""
     SLOWS_S = 1.0
-    """For so long after an answer all streams are slower."""
+    """Time after an answer in which all streams are slower."""
     MOST_CHUNKS = 500
 
     def __init__(

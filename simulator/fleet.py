@@ -1,4 +1,4 @@
-"""Simulated vehicles as the world sees them, and a fleet of them on UDP in one event loop, at any speed of time."""
+"""Simulated vehicles on their links, and a fleet of them on UDP in one event loop, at any speed."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from simulator.truth import Truth
 from simulator.wire import Codec
 
 REORDER_HOLD_S = (0.02, 0.2)
-"""How long a datagram that is to be overtaken is held back, simulated."""
+"""Delay of a reordered datagram, simulated."""
 QUEUE_BYTES = 2048
-"""What a radio holds of what it cannot send yet; what comes to a full one is lost (SiK, serial.c: 1850)."""
+"""Queue of a radio; more is lost (SiK, serial.c: 1850)."""
 
 
 @dataclass(slots=True)
@@ -37,14 +37,14 @@ class LinkCondition:
     """The state of a vehicle's link; both directions share it."""
 
     loss: float = 0.0
-    """Share of datagrams that is lost."""
+    """Share of datagrams lost."""
     delay_s: float = 0.0
     duplicate: float = 0.0
-    """Share of datagrams that comes twice."""
+    """Share of datagrams duplicated."""
     reorder: float = 0.0
-    """Share of datagrams that is held back so that later ones overtake it."""
+    """Share of datagrams reordered."""
     rate_bytes_s: float = math.inf
-    """What passes each way, one datagram behind the other."""
+    """Throughput in each direction."""
     silent_until_s: float = -math.inf
     """Simulated time until which nothing passes."""
 
@@ -58,7 +58,7 @@ class Channel:
         self._held: list[tuple[float, int, bytes]] = []
         self._count = 0
         self._free_s = -math.inf
-        """When all that is in its queue has been sent."""
+        """Time at which its queue is empty."""
 
     def offer(self, datagram: bytes, now_s: float) -> None:
         """Take a datagram that was sent at ``now_s``."""
@@ -88,7 +88,7 @@ class Channel:
 
 
 STATION_COMPONENT = 190
-"""Of another ground station."""
+"""Component id of another ground station."""
 
 
 def make_autopilot(vehicle: SimVehicle) -> Autopilot:
@@ -103,7 +103,7 @@ class _Line:
         self.radio, signing, ardupilot = radio, vehicle.signing, vehicle.autopilot is AutopilotKind.ARDUPILOT
         self.codec = Codec(vehicle.sysid, every_component=ardupilot, signing=signing, others=components)
         self.components = {one: Codec(vehicle.sysid, component=one, signing=signing) for one in (*components, GIMBAL)}
-        """Of cameras and the gimbal, which number their frames for themselves."""
+        """Codecs of cameras and gimbal, which number their own frames."""
         self.condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}" + (f":{number}" if number else ""))
         self.up, self.down = Channel(self.condition, rng), Channel(self.condition, rng)
@@ -132,11 +132,11 @@ class SimulatedVehicle:
         self._pending = list(faults_of(faults, vehicle.name))
         self._stranger = Peer(vehicle.other_station, STATION_COMPONENT)
         self._station: Codec | None = None
-        """Another ground station's transmitter, once it is there."""
+        """Codec of the other ground station, once it appears."""
         self._station_beat_s = 0.0
         self._now_s = 0.0
         self.tap: Callable[[bytes, bool], None] | None = None
-        """Is shown what ground stations send (True), and what has reached them (False)."""
+        """Called with frames from (True) and to (False) ground stations."""
         self._inject()
 
     @property
@@ -332,14 +332,15 @@ def build_vehicles(
 Address = tuple[str, int]
 
 PEER_S = 10.0
-"""A ground station that was not heard for so long, in real seconds, is not answered any more."""
+"""Silence in real seconds after which a ground station is no longer answered."""
 TICK_S = (0.005, 0.05)
-"""Shortest and longest real pause between two looks at the clock."""
+"""Shortest and longest real pause between two steps."""
 CHUNK_STEPS = 40
-"""Steps lived in a row before the sockets are looked at again: after a stall, heartbeats that wait there must be heard
-before the vehicle's own time-outs pass."""
+"""Most steps before the sockets are read again: after a stall, waiting heartbeats must be read before the vehicle's
+time-outs pass."""
 MAX_LAG_S = 2.0
-"""A longer stall, in real seconds, is not made up for: the vehicles' clocks lag, as those of a suspended process do."""
+"""Longest stall in real seconds that is made up; after a longer one the vehicles' clocks lag, as in a suspended
+process."""
 
 
 class UdpLink(asyncio.DatagramProtocol):
@@ -348,11 +349,11 @@ class UdpLink(asyncio.DatagramProtocol):
     def __init__(self, vehicle: SimulatedVehicle, number: int, target: Address | None) -> None:
         self.vehicle, self._number = vehicle, number
         self.target = target
-        """Whom it sends to unasked."""
+        """Address to send to."""
         self.listeners: list[Callable[[bytes], None]] = []
-        """Who hears it without a socket."""
+        """Listeners without a socket."""
         self.heard = 0
-        """Datagrams that came."""
+        """Number of datagrams received."""
         self._loop = asyncio.get_running_loop()
         self._heard_s: dict[Address, float] = {}
         self._transport: asyncio.DatagramTransport | None = None

@@ -1,4 +1,4 @@
-"""What the vehicle is flying right now: goals as frozen data, and the velocity that each of them asks for.
+"""Goals that a vehicle flies, as frozen data, and the velocity that each asks for.
 
 A goal says where to go; ``wish`` turns it into a velocity and ``finished`` says when it is done. The body's limits do
 the rest. A ``GoalFollower`` flies a queue of goals.
@@ -17,20 +17,20 @@ from simulator.physics import Body, Limits, Place, PositionDrift, Velocity
 BRAKE_MARGIN = 0.7
 """Share of the braking power that a planned stop uses; the rest corrects."""
 NEAR_PER_S = 1.5
-"""Approach speed for each metre that is left, in the last metres before a stop."""
+"""Approach speed per remaining metre, in the last metres before a stop."""
 CROSS_TRACK_PER_S = 0.8
 HEIGHT_PER_S = 1.0
 STOPPED_M = 0.3
 STOPPED_M_S = 0.3
-"""A stop has been made when both are undercut."""
+"""Speed and distance below which a stop is complete."""
 CLIMBED_M = 0.15
 """Recorded: ArduPilot's take-off to 25 m is over at 24.84 m."""
 RIDE_PER_S = 2.0
-"""How fast a vehicle closes up to a target that moves by the clock."""
+"""Rate at which a vehicle closes in on a target that moves by the clock."""
 RIDE_M_S2 = 8.0
 RIDE_M = 1.5
 RIDE_M_S = 1.0
-"""A vehicle takes up the target of a leg that it is this near to, at nearly its speed."""
+"""Distance and speed difference within which a vehicle joins a leg's moving target."""
 ON_CIRCLE_M = 2.0
 RESTART_M_S = 0.4
 RESTART_M_S2 = 0.8
@@ -53,10 +53,10 @@ class Climb:
     speed_m_s: float
     slow_m_s: float = math.inf
     slow_below_m: float = 0.0
-    """Up to this height it rises no faster than ``slow_m_s``."""
+    """Height up to which it climbs at ``slow_m_s`` at most."""
     accept_m: float = CLIMBED_M
     brakes: tuple[float, float] | None = None
-    """Acceleration and jerk that its end is planned with; None for the limits' alone."""
+    """Acceleration and jerk for its end; None for the limits'."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +67,15 @@ class Leg:
     target: Place
     speed_m_s: float
     accept_m: float
-    """A leg that does not stop is done this near to its end."""
+    """Distance to its end at which a fly-through leg is complete."""
     stop: bool = True
     exit_m_s: float = 0.0
-    """Speed that the corner at its end allows, when it does not stop."""
+    """Speed allowed at the corner of a fly-through leg."""
     entry_m_s: float | None = None
-    """Speed on the first part, when a slow-down takes effect late."""
+    """Speed on the first part, if a slow-down takes effect late."""
     entry_m: float = 0.0
     restarted: bool = False
-    """Whether the speed builds up anew although the vehicle is moving."""
+    """Whether the speed ramps up anew although the vehicle is moving."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class TimedLeg:
     """Follow a target that moves by the clock, from leg to leg."""
 
     leg: Leg
-    """The same as a plain leg, for when the clock is lost."""
+    """The same as a plain leg, once the clock is lost."""
     base: Place
     strands: tuple[leg_trajectories.DelayedCurve, ...]
     lasts_s: float
@@ -119,7 +119,7 @@ class Circle:
     centre: Place
     radius_m: float
     speed_m_s: float
-    """Clockwise; negative is the other way round."""
+    """Speed, clockwise positive."""
     approach_m_s: float
 
 
@@ -131,9 +131,9 @@ class Land:
     fast_m_s: float
     slow_m_s: float
     slow_from_m: float
-    """Height under which the descent is slow."""
+    """Height below which the descent is slow."""
     fast_from_m: float
-    """Height above which it is fast; in between it slows down with the height."""
+    """Height above which it is fast; it slows down in between."""
 
 
 Goal = SpoolUp | Climb | Leg | TimedLeg | leg_trajectories.Px4Leg | Hover | ThrottleDescent | Drift | Circle | Land

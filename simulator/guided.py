@@ -1,4 +1,4 @@
-"""Flight without a mission: places, speeds and circles, as both autopilots are told of them."""
+"""Flight without a mission: positions, velocities and orbits, as commanded to both autopilots."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from simulator.messages import SetPoint
 from simulator.physics import Home, Limits, Place, Vector, Velocity
 
 ABSOLUTE, RELATIVE = frozenset({0, 5}), frozenset({3, 6, 10, 11})
-"""MAV_FRAME by what heights count from; the ground is level, so that it is the terrain too."""
+"""MAV_FRAME by height reference; the ground is level, so terrain frames are relative ones."""
 LOCAL, OFFSETS, BODY = 1, frozenset({7, 8, 9}), frozenset({8, 9})
 PLACE_BITS, VELOCITY_BITS = 0b000_111, 0b111_000
-"""Of POSITION_TARGET_TYPEMASK: what is to be left out."""
+"""Ignore bits of POSITION_TARGET_TYPEMASK."""
 
 
 class GuidedFlight:
@@ -22,9 +22,9 @@ class GuidedFlight:
     def __init__(self, frame: Airframe, home: Home, limits: Limits) -> None:
         self._frame, self._home, self._limits = frame, home, limits
         self.heard_s = -math.inf
-        """When the last set-point came."""
+        """Time of the last set-point."""
         self.last: Place | Velocity | None = None
-        """What it said."""
+        """Last set-point."""
 
     @property
     def may_move(self) -> bool:

@@ -1,4 +1,4 @@
-"""What vehicle and ground station say to each other, without the wire.
+"""Messages between vehicle and ground station, independent of the wire.
 
 What comes in is typed, for decisions hang on it. What goes out is a MAVLink message by its name and fields; the wire
 refuses a name or field that MAVLink does not have, and a test sends every one of them.
@@ -134,7 +134,7 @@ class Peer:
     sysid: int
     compid: int
     link: int = field(default=0, compare=False)
-    """Over which of the vehicle's links."""
+    """Link of the vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ class MissionRequest:
     seq: int
     mission_type: int
     integer: bool
-    """Whether it asked for a MISSION_ITEM_INT."""
+    """Whether it requested MISSION_ITEM_INT."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +275,7 @@ class ParamRequestRead:
 
     name: str
     index: int
-    """-1 when asked by name."""
+    """Index; -1 if requested by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +284,7 @@ class ParamSet:
 
     name: str
     raw: float
-    """As on the wire: PX4 hides the bits of integers in it."""
+    """Value as on the wire; PX4 stores integer bits in it."""
     kind: int
 
 
@@ -316,7 +316,7 @@ class FileRequest:
     offset: int
     data: bytes
     size: int = 0
-    """How much it says that it sends, or wants."""
+    """Size to send or to read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,7 +324,7 @@ class RadioStatus:
     """RADIO_STATUS of the vehicle's own radio."""
 
     txbuf_pct: int
-    """How much of its buffer is free."""
+    """Free share of its buffer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -379,7 +379,7 @@ class Received:
     sender: Peer
     body: Body
     component: int = 0
-    """Which of the vehicle's components it is for; 0 is all of them."""
+    """Target component; 0 is all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -430,7 +430,7 @@ def split_status_text(severity: int, text: str, chunk_id: int) -> Iterator[Outbo
 
 
 WITHHELD_TEXTS = 20
-"""Texts that a vehicle keeps for the time when somebody listens again."""
+"""Most texts kept until a ground station listens again."""
 
 
 class VehicleOutbox:
@@ -438,13 +438,13 @@ class VehicleOutbox:
 
     def __init__(self, *, tab: bool) -> None:
         self._outbox: list[tuple[int | None, Outbound]] = []
-        """Over which of its links each goes; None is all of them."""
+        """Outgoing messages with their link; None is all links."""
         self._withheld: deque[Outbound] = deque(maxlen=WITHHELD_TEXTS)
         self._tab = "\t" if tab else ""
         """PX4's texts end in a tab."""
         self._texts = 0
         self.muted = False
-        """Whether texts are kept back: PX4 does so while no ground station is heard."""
+        """Whether texts are withheld, as PX4 does while no ground station is heard."""
 
     def send(self, messages: Iterable[Outbound], link: int | None = None) -> None:
         """Send messages over one of its links, or over all."""

@@ -17,9 +17,10 @@ from simulator.physics import Home, Place
 from simulator.store_ardupilot import ArduPilotStore
 
 LATE_SLOWDOWN_M = 22.5
-"""How far the old speed is kept after a pass-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m took 82 s."""
+"""Distance for which the old speed holds after a fly-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m 82
+s."""
 NEVER_SLOWS_M = 2 * LATE_SLOWDOWN_M
-"""On a leg this short the slow-down never comes: 40 m took 9.6 s."""
+"""Leg length up to which the slow-down never takes effect: 40 m took 9.6 s."""
 NAMES = {
     Command.NAV_WAYPOINT: "WP", Command.NAV_RETURN_TO_LAUNCH: "RTL", Command.NAV_LAND: "Land",
     Command.NAV_TAKEOFF: "Takeoff", Command.DO_CHANGE_SPEED: "ChangeSpeed", Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
@@ -29,18 +30,18 @@ NAMES = {
     Command.VIDEO_START_CAPTURE: "VideoStartCapture", Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
 }  # fmt: skip
 PASS_S = 0.4
-"""A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
+"""Time before a corner at which it is passed. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
 SETTLES_S = 0.4
-"""Measured: what the leg after a take-off lasts longer."""
+"""Additional time of the leg after a take-off (measured)."""
 UPRIGHT_S = 0.6
-"""Measured: what a leg straight up or down lasts longer than computed."""
+"""Additional time of a vertical leg (measured)."""
 UPRIGHT_M = 1.0
 SHORTEST_M = 0.1
 APPROACH_M = 1.1
-"""The descent slows down over this much before LAND_ALT_LOW and half a metre: it nears that height as if to stop."""
+"""Height above LAND_ALT_LOW plus 0.5 m in which the descent slows down as if to stop."""
 CM = 0.01
 CONE_LEAST_M = 2.0
-"""The cone of RTL never asks for less (RTL_ALT_MIN of the source)."""
+"""Least height of the RTL cone (RTL_ALT_MIN of the source)."""
 
 
 class ArduPilotMission:
@@ -58,21 +59,21 @@ class ArduPilotMission:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
         self._carry_out = carry_out
         self.index = 0
-        """What MISSION_CURRENT says."""
+        """Index in MISSION_CURRENT."""
         self.nav: MissionItem | None = None
-        """The item being flown: a copy, that outlives its own deletion."""
+        """The item being flown, a copy that survives its deletion."""
         self.asked_m_s = params["WPNAV_SPEED"] * CM
         self._state = MissionState.NOT_STARTED
         self._origin: Place | None = None
-        """Where the next leg's line begins, when the last one ended in passing or at a stop; None: where it is."""
+        """Start of the next leg's line after a fly-through or a stop; None: the vehicle's position."""
         self._passed_m_s: float | None = None
-        """Speed of the last leg, when its end was passed without a stop."""
+        """Speed of the last leg, if its end was flown through."""
         self._turning: tuple[Place, SCurve, float] | None = None
-        """Where the last leg began, its curve and how early the next begins, when its end is passed."""
+        """Start of the last leg, its curve and the lead of the next, if its end is flown through."""
         self._reached = 0
         self._paused = False
         self._nothing_left = False
-        """Whether the list has ended before the item that is being flown, and it was said."""
+        """Whether the end of the list before the present item was reported."""
 
     @property
     def state(self) -> MissionState:

@@ -15,7 +15,7 @@ from missions.items import MissionItem
 NAMES = ("@MISSION/mission.dat", "@MISSION/fence.dat", "@MISSION/rally.dat")
 """By MAV_MISSION_TYPE."""
 FILE_BYTES = 1 << 20
-"""What it says of their size, whatever is in them."""
+"""Reported size, whatever the content."""
 MAGIC, KEEP_REST = 0x763D, 1
 HEADER = struct.Struct("<HHHHH")
 """Magic, kind of list, options, first item, number of items."""

@@ -17,9 +17,9 @@ from simulator.physics import Home, Place
 from simulator.store_px4 import NAV_VTOL_LAND, NAV_VTOL_TAKEOFF, Px4Store
 
 CHECK_S = 0.5
-"""An upload on the ground until the mission counts as valid: MISSION_START right after the ACK is denied."""
+"""Time after an upload on the ground until the mission is valid; MISSION_START before is denied."""
 LEAST_RADIUS_M = 0.05
-"""An item's own acceptance radius counts above this."""
+"""Radius above which an item's own acceptance radius counts."""
 REACHED_REPEATS = 10
 REACHED_AGAIN_S = 1.0
 FAST_LANDING_M, SLOW_LANDING_M = 10.0, 5.0
@@ -52,7 +52,7 @@ class Px4Mission:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
         self._carry_out = carry_out
         self.left_fence_at: Callable[[], int | None] = lambda: None
-        """The first item that lies outside the fence; None if none does."""
+        """Returns the first item outside the fence, or None."""
         self.index = 0
         self.asked_m_s = params["MPC_XY_CRUISE"]
         self.running = False
@@ -60,18 +60,18 @@ class Px4Mission:
         self._nav: MissionItem | None = None
         self._finished = False
         self._stood_disarmed = False
-        """Whether the motors have stopped since it was last flown."""
+        """Whether the motors have stopped since the mission was last flown."""
         self._state = MissionState.NO_MISSION
         self._progressed = False
         """Whether an item was reached since the mission was entered or changed."""
         self._checked_s = 0.0
         self._origin: Place | None = None
         self._arrived: Place | None = None
-        """Where the last leg ended, when the next one begins there."""
+        """End of the last leg, if the next one begins there."""
         self._bound_for: Place | None = None
-        """Where the leg under way ends."""
+        """End of the present leg."""
         self.ended_at: Place | None = None
-        """The last waypoint of a mission that was flown to its end: there it loiters."""
+        """Last waypoint of a completed mission, where it loiters."""
         self._reached: tuple[int, int, float] | None = None
         """(item, repeats left, next at)."""
 

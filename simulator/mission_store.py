@@ -1,4 +1,4 @@
-"""What both autopilots share of missions: their side of the protocol, where items are, what a fence means."""
+"""Missions of both autopilots: their side of the protocol, item positions, fences."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ class StoreStep:
     texts: tuple[tuple[int, str], ...] = ()
     """(severity, text)."""
     stored: bool = False
-    """ArduPilot: an item has just been replaced, in place."""
+    """ArduPilot: an item was just replaced in place."""
     cleared: bool = False
-    """The mission is empty now because somebody said so."""
+    """The mission was cleared by a command."""
     truncated: bool = False
-    """ArduPilot: an upload was announced, and what lies beyond its length is gone."""
+    """ArduPilot: an announced upload removed the items beyond its length."""
     swapped: bool = False
-    """PX4: the whole list has just been replaced."""
+    """PX4: the whole list was just replaced."""
     current: int | None = None
-    """PX4: the item that the new list flags as the one to fly."""
+    """PX4: item that the new list flags as current."""
     fenced: bool = False
-    """The fence on board has just been replaced."""
+    """The fence was just replaced."""
 
 
 @dataclass(slots=True)
@@ -51,16 +51,16 @@ class Transfer:
     partner: messages.Peer
     count: int
     heard_s: float
-    """When the partner last did what moves the transfer on."""
+    """Time of the partner's last step in the transfer."""
     asked_s: float
-    """When the vehicle last asked."""
+    """Time of the vehicle's last request."""
     next: int = 0
     items: list[MissionItem] = field(default_factory=list)
-    """PX4's second buffer, and both autopilots' for what is no mission."""
+    """PX4's second buffer, and both autopilots' for fences and rally points."""
     kind: int = messages.MISSION_TYPE_MISSION
     """MAV_MISSION_TYPE."""
     rest: tuple[MissionItem, ...] = ()
-    """What stays behind them, where a part is sent anew."""
+    """Items after them that stay, in a partial upload."""
 
     def is_stalled(self, fault: UploadFault) -> bool:
         """Return whether an injected fault keeps the vehicle from asking on."""
@@ -81,7 +81,7 @@ def has_place(item: MissionItem) -> bool:
 
 
 CarryOut = Callable[[int, Sequence[float]], object]
-"""Does what an item for the payload wants."""
+"""Carries out an item for the payload."""
 DONE_IN_PASSING = frozenset({Command.DO_CHANGE_SPEED, *PAYLOAD})
 """Items that do not move the vehicle."""
 

@@ -1,4 +1,4 @@
-"""Autopilot parameters: the names and defaults that ground stations ask for, and how each dialect sends them."""
+"""Autopilot parameters: names and defaults that ground stations read, and their encoding in each dialect."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ PACKED_HEADER = struct.Struct("<HHH")
 """Magic, number of parameters in it and in all."""
 PACKED, PACKED_WITH_DEFAULTS = 0x671B, 0x671C
 PACKED_PARAM_BYTES = 12
-"""Of a parameter, before anybody has counted."""
+"""Bytes per parameter, as an estimate."""
 UNINDEXED = 65535
-"""param_index of a value that was not asked for by its index."""
+"""param_index of a value not requested by index."""
 
 
 class ParamKind(IntEnum):
@@ -43,7 +43,7 @@ class Param:
 PACKED_FORMATS = {
     ParamKind.INT8: (1, "<b"), ParamKind.INT16: (2, "<h"), ParamKind.INT32: (3, "<i"), ParamKind.REAL32: (4, "<f"),
 }  # fmt: skip
-"""ArduPilot's own number of a kind, and how it lies in the file."""
+"""ArduPilot's type number and format in the file."""
 
 
 def _build_table(**values: Mapping[str, float]) -> dict[str, Param]:
@@ -132,9 +132,9 @@ class ParamTable:
         self._names = list(self._kinds)
         self._defaults = dict(self._values)
         self._bytewise = bytewise
-        """Whether integers travel as their bits (PX4) or as numbers (ArduPilot)."""
+        """Whether integers are sent bytewise (PX4) or as numbers (ArduPilot)."""
         self.hidden: set[str] = set()
-        """What it does not answer for, as a firmware that does not have it."""
+        """Parameters that it does not answer for, like firmware without them."""
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]

@@ -1,4 +1,4 @@
-"""A multicopter's motion, so limited that positions never jump, and what it knows of its place.
+"""Motion of a multicopter with limits so that positions never jump, and its position estimate.
 
 Local metres about the vehicle's own pad: east, north, up. The ground is level at up = 0.
 """
@@ -13,14 +13,14 @@ from typing import NamedTuple
 GRAVITY_M_S2 = 9.81
 TERMINAL_FALL_M_S = 25.0
 HARD_LANDING_M_S = 2.0
-"""Touching down faster than this breaks the vehicle; a fall from 25 cm does."""
+"""Touch-down speed that destroys the vehicle, as a fall from 25 cm does."""
 DRAG_PER_S = 0.35
 """Specific drag: at 5 m/s the recorded flights lean by 0.2 rad, g * 0.2 / 5."""
 THRUST_TO_WEIGHT = 2.0
-"""At full throttle: most multicopters hover at about half of it."""
+"""Thrust-to-weight ratio at full throttle; most multicopters hover at half throttle."""
 SINK_DRAG_PER_S = 1.2
-"""Of rotors that sink through the air, so that a vehicle with too little thrust sinks and does not fall: without 70 %
-of it at 3.3 m/s."""
+"""Drag of rotors while sinking, so that a vehicle with too little thrust sinks instead of falling: at 3.3 m/s without
+70 % of it."""
 CARRIED_YAW_RAD_S = 1.0
 EQUATOR_M = 6378137.0
 ECCENTRICITY2 = 6.69437999014e-3
@@ -65,7 +65,7 @@ class Limits:
     descend_m_s: float
     vertical_m_s2: float
     corner_m_s2: float
-    """Lateral acceleration that it plans corners with."""
+    """Lateral acceleration for planning corners."""
     yaw_rad_s: float = 1.0
 
 
@@ -127,14 +127,14 @@ class Body:
         self.v_east_m_s = self.v_north_m_s = self.v_up_m_s = 0.0
         self.yaw_rad = self.roll_rad = self.pitch_rad = self.yaw_rate_rad_s = 0.0
         self.face_rad: float | None = None
-        """Where its nose is to point, whatever way it flies; None is ahead."""
+        """Target heading; None is along the flight."""
         self.flown_m = 0.0
         """Odometer."""
         self.acceleration = Velocity()
-        """How its velocity changed in the last step, in m/s each second."""
+        """Acceleration in the last step, in m/s²."""
         self._tilt_rates_rad_s = (0.0, 0.0)
         self.lost_thrust = 0.0
-        """Share of its thrust that is not there."""
+        """Share of its thrust that is lost."""
 
     @property
     def place(self) -> Place:
@@ -284,11 +284,11 @@ class Body:
 
 
 FAILSAFE_S = 4.0
-"""After so long without a fix its failsafe acts."""
+"""Time without a fix after which its failsafe acts."""
 ABSOLUTE_S = 10.0
-"""So long its estimator takes itself to know where on the earth it is."""
+"""Time without a fix for which its estimator still reports an absolute position."""
 DRIFT_M_S2 = 0.2
-"""What it takes for acceleration where there is none: 360 m in a minute."""
+"""Bias of acceleration in dead reckoning: 360 m in a minute."""
 AIDED, ALONE = 831, 167
 """Flags of EKF_STATUS_REPORT and ESTIMATOR_STATUS: as recorded in flight, and in constant position mode."""
 GPS_BIT = 0x20
@@ -300,7 +300,7 @@ class Positioning:
 
     def __init__(self) -> None:
         self.lost_s: float | None = None
-        """Since when it has none."""
+        """Time since which it has no fix."""
         self._back_s = math.inf
         self._acted = False
 
@@ -339,9 +339,9 @@ class Positioning:
 
 
 PERIODS_S = (4.0, 7.0, 12.0)
-"""The estimate's error is a stranger to itself after some 5 s."""
+"""Periods of the position error, which decorrelates within about 5 s."""
 SPREAD = 0.15
-"""By so much every period is another one for every vehicle."""
+"""Spread of the periods between vehicles, as a share."""
 
 
 class PositionDrift:

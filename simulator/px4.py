@@ -23,9 +23,9 @@ WORDS = {
     "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
     "MISSION": Mode.MISSION,
 }  # fmt: skip
-"""The modes that a person chooses."""
+"""Modes that a pilot may choose."""
 MISSION_MODES = frozenset({Mode.MISSION, Mode.TAKEOFF, Mode.LAND})
-"""In which MISSION_CURRENT says 'active', as PX4 does."""
+"""Modes in which MISSION_CURRENT reports 'active', as PX4 does."""
 
 
 MAV_AUTOPILOT_PX4 = 12
@@ -37,19 +37,19 @@ SENSORS_BOOT = (0x0, 0x0, 0x321C83F)
 SENSORS = (0x300402F, 0x301402F, 0x1320C83F)
 """From the recorded flights: (present, enabled, healthy)."""
 PREARM_BIT = 0x10000000
-"""Healthy when nothing speaks against arming."""
+"""Sensor bit of the arming checks."""
 LOSS_MARGIN_S = 2.0
 """Measured: AUTO.LOITER about 12 s after the last heartbeat, with COM_DL_LOSS_T at 10."""
 CONE_CLOSE_M = 2.0
 UNKNOWN_CURRENT_CA = -100
-"""What 'no sensor' looks like: -1 A in centiamperes, not -1."""
+"""Current without a sensor: -1 A in centiamperes, not -1."""
 EMPTY_TOTAL = 65535
 LEAST_FACTOR = 0.01
-"""Of the rates of its streams."""
+"""Least factor on the rates of its streams."""
 RADIO_FORGOTTEN_S = 5.0
 """MAV_RADIO_TOUT."""
 EMERGENCY_PCT = 4.5
-"""What an emergency leaves of the charge: under BAT_EMERGEN_THR, and enough to land."""
+"""Charge left by the emergency fault: below BAT_EMERGEN_THR, and enough to land."""
 OFFICIAL = 255
 """FIRMWARE_VERSION_TYPE."""
 
@@ -67,7 +67,7 @@ class Px4(Px4Guided):
     WORDS: ClassVar = WORDS
     FIX: ClassVar = 3
     CAPABILITIES: ClassVar = sum(1 << bit for bit in (0, 1, 2, 3, 4, 5, 7, 13, 14, 15))
-    """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, files, set-points, MAVLink 2, fence,
+    """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVFTP, set-points, MAVLink 2, fence,
     rally points."""
     UNKNOWN: ClassVar = frozenset({"SIMSTATE", "RC_CHANNELS", "RAW_IMU"})
     VERSION: ClassVar = (1, 17, 0, OFFICIAL)
@@ -86,16 +86,16 @@ class Px4(Px4Guided):
         self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice, self.execute_payload_command)
         self._arming_for_mission = False
         self._mode_after_flight = Mode.LOITER
-        """The mode that the crew chose last, of those in which it can be armed: with the motors off it is back."""
+        """Last armable mode that the crew chose; it returns to it with the motors off."""
         self._announced = 0
-        """The index as last reported."""
+        """Last reported index."""
         self._link_lost = False
         self._failsafe = self._blind = self._lost_gps = False
         self._emergency = Mode.LAND
-        """What the crew wants it to do with an empty battery, whatever COM_LOW_BAT_ACT says, once that is ordered."""
+        """Mode for the emergency fault, whatever COM_LOW_BAT_ACT is."""
         self._emergency_ordered = False
         self._action_due: tuple[float, Mode] | None = None
-        """A failsafe's hold, and what follows it when."""
+        """End of a failsafe's hold, and the mode that follows."""
         self._charge_state = 1
         self._landed_state = messages.LandedState.ON_GROUND
         self._shapes: tuple[mission_store.FenceShape, ...] = ()

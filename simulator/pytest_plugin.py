@@ -22,7 +22,7 @@ MARKS = (
 )
 LIMIT_S = 3600.0
 LAST_LINES = 200
-"""Of a dialogue in the report of a test that failed."""
+"""Last dialogue lines in the report of a failed test."""
 
 
 def pytest_configure(config: pytest.Config) -> None:

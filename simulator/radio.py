@@ -19,18 +19,18 @@ from simulator.wire import Codec
 
 GROUND = -1
 MAGICS = b"\xfd\xfe"
-"""What a frame of MAVLink 2 and one of MAVLink 1 begin with."""
+"""Start bytes of MAVLink 2 and MAVLink 1 frames."""
 SIGNED = 1
-"""The one flag of a frame that a parser must understand."""
+"""The only incompatibility flag that a parser must know: signed."""
 RADIO_SYSTEM, RADIO_COMPONENT = 51, 68
 LINE_BYTES = 2048
-"""What waits before the serial line; an autopilot or a ground station does not send what has no room there."""
+"""Buffer before the serial line; autopilots and ground stations hold back what does not fit."""
 BURST_PACKETS = 4
 """Mean length of a burst of losses."""
 OUTAGE_EVERY_S = 120.0
-"""Mean time between two outages; no figure is published."""
+"""Mean time between two outages; assumed, no figure is published."""
 STATUS_WAITS_S = 0.15
-"""RADIO_STATUS of the stock firmware gets between other bytes; without any it comes alone."""
+"""Time after which the stock firmware sends RADIO_STATUS alone; otherwise it is inserted between other bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,31 +40,31 @@ class RadioProfile:
     byte_s: float
     """Time of one byte on the air."""
     overhead_s: float
-    """Time of a packet without a byte in it."""
+    """Time of an empty packet."""
     packet_bytes: tuple[int, int]
-    """The most in one packet, up and down."""
+    """Largest packet, up and down."""
     window_s: float = 0.0
-    """Of every node, once a round."""
+    """Transmit window of every node, once a round."""
     round_s: float = 0.0
-    """Where it is given, all nodes share it equally instead."""
+    """Round time shared equally by all nodes, instead of windows."""
     silence_s: float = 0.0
-    """After each window."""
+    """Silence after each window."""
     yields: bool = False
-    """Whether an empty packet gives the rest of a window to the others."""
+    """Whether an empty packet yields the rest of a window."""
     whole_frames: bool = False
-    """Whether a frame for which its buffer has no room is left out, and not cut."""
+    """Whether a frame that does not fit the buffer is dropped whole instead of cut."""
     splits_frames: bool = False
-    """Whether RADIO_STATUS is put inside frames, which it destroys."""
+    """Whether RADIO_STATUS is inserted inside frames, which destroys them."""
     speaks: bool = True
-    """Whether it says RADIO_STATUS at all."""
+    """Whether it sends RADIO_STATUS."""
     shared: bool = True
-    """Whether all vehicles are on one channel; otherwise each has a pair of its own."""
+    """Whether all vehicles share one channel; otherwise each has its own pair."""
     delay_s: tuple[float, float] = (0.0, 0.0)
-    """What the way takes besides, from and to."""
+    """Additional delay, least and greatest."""
     outage_s: float = 0.0
     serial_bytes_s: float = 5760.0
     fifo_bytes: tuple[int, int] = (1850, 645)
-    """Of a radio: from its serial line, and to it."""
+    """Buffers of a radio: from and to its serial line."""
 
 
 _SIK = RadioProfile(144e-6, 2.1e-3, (250, 250), window_s=0.114, silence_s=4.2e-3, yields=True)
@@ -117,7 +117,7 @@ class RadioSetup:
 
     profile: RadioProfile
     loss: float = 0.0
-    """Share of packets that is lost, in bursts."""
+    """Share of packets lost, in bursts."""
 
 
 def parse_radio(text: str) -> RadioSetup:
@@ -217,10 +217,10 @@ class _Node:
         self._profile, self._rng = profile, rng
         self._most_bytes = profile.packet_bytes[not up]
         self._line: deque[tuple[float, bytes, int]] = deque()
-        """Frames from its serial line, with when each begins and the vehicle that it is from, or for."""
+        """Frames from its serial line, with start time and vehicle."""
         self._line_free_s = 0.0
         self._inside = 0
-        """Bytes of the first of them that are in the buffer, or were cut."""
+        """Bytes of the first frame already in the buffer or cut."""
         self.fifo = bytearray()
         self._out_free_s = 0.0
         self._tails: dict[int, bytearray] = {}
@@ -228,9 +228,9 @@ class _Node:
         self._count = 0
         self._codec = Codec(RADIO_SYSTEM, component=RADIO_COMPONENT)
         self.cut_bytes = 0
-        """What had no room, on either side."""
+        """Bytes cut on either side."""
         self._status: tuple[float, int, bytes] | None = None
-        """What the stock firmware puts between the next bytes."""
+        """RADIO_STATUS that the stock firmware inserts between the next bytes."""
 
     def offer(self, vehicle: int, data: bytes, now_s: float) -> None:
         """Take bytes that somebody sends on the serial line."""
@@ -351,7 +351,7 @@ class Radio:
         profile, count = setup.profile, len(self._nodes)
         self._window_s = profile.round_s / count - profile.silence_s if profile.round_s else profile.window_s
         self._turns = deque(self._nodes)
-        """Whose window it is comes first."""
+        """Nodes in order of turn; the present one first."""
         self._now_s, self._ends_s = 0.0, self._window_s
         self._yielded = False
         self._spoke_s = dict.fromkeys(self._nodes, 0.0)

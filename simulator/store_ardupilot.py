@@ -38,7 +38,7 @@ from simulator.mission_store import (
 
 FENCE, RALLY = 1, 2
 MOST = {MISSION_TYPE_MISSION: 650, FENCE: 70, RALLY: 20}
-"""Items that the board has room for; measured, other boards have room for more."""
+"""Item capacity of the board (measured); other boards hold more."""
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0
 NAMES = {MISSION_TYPE_MISSION: "Mission", FENCE: "Fence", RALLY: "Rally"}
@@ -56,7 +56,7 @@ class ArduPilotList:
         self._give_up_s = max(GIVE_UP_S, patience_s)
         self._upload: Transfer | None = None
         self.slow_s = 0.0
-        """By how much later a slow radio makes it ask again."""
+        """Additional delay of repeated requests on a slow radio."""
 
     @property
     def upload(self) -> Transfer | None:
@@ -241,7 +241,7 @@ class ArduPilotStore(ArduPilotList):
     def __init__(self, home: MissionItem, patience_s: float = 0.0) -> None:
         super().__init__(MISSION_TYPE_MISSION, patience_s)
         self._memory: list[MissionItem] = [home]
-        """Storage as it is on the board: what lies behind ``_count`` is stale but still there."""
+        """Storage on the board; items beyond ``_count`` are stale but still there."""
         self._count = 1
         self._advised: set[str] = set()
         self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}

@@ -25,7 +25,7 @@ CAPACITY = 500
 ASK_AGAIN_S = 0.25
 GIVE_UP_S = 5.0
 NAV_VTOL_TAKEOFF, NAV_VTOL_LAND = 84, 85
-"""Known to PX4, so accepted; no mission of a multicopter, so not flown."""
+"""Commands that PX4 accepts but a multicopter cannot fly."""
 BUSY = "WPM: REJ. CMD: Busy"
 COMMANDS = frozenset({*Command, NAV_VTOL_TAKEOFF, NAV_VTOL_LAND})
 FRAMES = frozenset(Frame)
@@ -60,11 +60,11 @@ class Px4Store:
         self._upload: Transfer | None = None
         self._download: Transfer | None = None
         self._partner: messages.Peer | None = None
-        """Of the last transfer, whether it is over or not."""
+        """Partner of the present or last transfer."""
         self._integer = True
-        """Whether it asks for items with MISSION_REQUEST_INT."""
+        """Whether it requests items with MISSION_REQUEST_INT."""
         self._last_count, self._last_kind = 0, messages.MISSION_TYPE_MISSION
-        """Length of the last transfer, whose final ACK may have been lost."""
+        """Length and kind of the last transfer, whose final ACK may be lost."""
 
     @property
     def fault(self) -> UploadFault:

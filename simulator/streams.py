@@ -1,4 +1,4 @@
-"""Which message a vehicle sends when: what is asked for, what is due, and what a radio makes of it."""
+"""Schedule of a vehicle's messages: requested rates, due times, and the effect of a radio."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STREAMS: Mapping[int, tuple[str, ...]] = {
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"), 10: ("ATTITUDE",), 11: ("VFR_HUD",),
     12: ("BATTERY_STATUS", "SYSTEM_TIME", "EXTENDED_SYS_STATE", "EKF_STATUS_REPORT"),
 }  # fmt: skip
-"""What REQUEST_DATA_STREAM asks for, by MAV_DATA_STREAM; 0 is all of it."""
+"""Messages of REQUEST_DATA_STREAM, by MAV_DATA_STREAM; 0 is all."""
 
 
 FRAME_BYTES: Mapping[str, int] = {
@@ -29,7 +29,7 @@ FRAME_BYTES: Mapping[str, int] = {
     "GLOBAL_POSITION_INT": 40, "MISSION_CURRENT": 30, "VFR_HUD": 32, "TIMESYNC": 28, "BATTERY_STATUS": 66,
     "WIND_COV": 52, "HOME_POSITION": 72, "EXTENDED_SYS_STATE": 14, "ESTIMATOR_STATUS": 54,
 }  # fmt: skip
-"""Of MAVLink 2 with all fields."""
+"""Bytes of each MAVLink 2 frame with all fields."""
 
 
 class Streams:
@@ -46,9 +46,9 @@ class Streams:
         self._interval_s = dict(defaults_s)
         self._due_s = dict.fromkeys(defaults_s, now_s)
         self.radio_slow_s = 0.0
-        """By how much ArduPilot makes every interval longer for the radio's buffer."""
+        """Time that ArduPilot adds to every interval because of the radio's buffer."""
         self.radio_factor, self.radio_heard_s = 1.0, 0.0
-        """What PX4 leaves of the rates of its streams for it."""
+        """Factor that PX4 applies to its stream rates for the radio, and when it was heard."""
 
     @property
     def bytes_s(self) -> float:

@@ -1,4 +1,4 @@
-"""What a vehicle reports of itself: what both dialects fill alike, and what sensors would say of the body's motion.
+"""Telemetry that both dialects fill alike, and sensor values derived from the body's motion.
 
 Only what the simulation has is reported: it has no magnetic field, no differential pressure and no noise.
 """

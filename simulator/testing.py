@@ -44,9 +44,9 @@ MEMORY = "a link in memory needs a fleet in the client's event loop: async with 
 STEPPED = "a stepped fleet lives in a thread of its own: with fleet(..., stepped=True)"
 CLOCKED = "this fleet's time passes by itself: only one with stepped=True is advanced"
 LAST_TRUTHS = 5
-"""How many are said where something never came true."""
+"""Truth lines shown when a wait fails."""
 BEGUN: deque[Fleet] = deque(maxlen=10)
-"""The last fleets that came to life, for reports of tests that failed."""
+"""Last fleets, for reports of failed tests."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +58,15 @@ class VehicleState:
     lat_deg: float
     lon_deg: float
     up_m: float
-    """Over its pad."""
+    """Height above its pad."""
     ground_speed_m_s: float
     armed: bool
     in_air: bool
     mode: str
-    """As the autopilot calls it: LOITER, MISSION, RETURN; of ArduPilot AUTO, GUIDED, RTL."""
+    """Mode name: PX4's such as LOITER, MISSION, RETURN; ArduPilot's such as AUTO, GUIDED, RTL."""
     charge_pct: float
     mission: tuple[MissionItem, ...]
-    """On board; ArduPilot's begins with its home."""
+    """Mission on board; ArduPilot's begins with home."""
     parameters: Mapping[str, float]
 
 
@@ -76,7 +76,7 @@ class FleetVehicle:
     def __init__(self, fleet: Fleet, config: SimVehicle, vehicle: SimulatedVehicle) -> None:
         self.name, self.sysid = config.name, config.sysid
         self.simulated = vehicle
-        """All of it; only for the fleet's own thread, or while that waits."""
+        """The whole vehicle; use only in the fleet's thread, or while it waits."""
         self._fleet, self._config = fleet, config
         self._recorder = Recorder(config.name, lambda: vehicle.now_s)
         vehicle.tap = self._recorder.note
@@ -179,7 +179,7 @@ class Fleet:
         """
         self.config, self._stepped, self._watch = config, stepped, watch
         self.truths: list[Truth] = []
-        """What really happened, in order."""
+        """Ground truth, in order."""
         self.vehicles = tuple(
             FleetVehicle(self, one, vehicle)
             for one, vehicle in zip(config.vehicles, build_vehicles(config), strict=True)

@@ -1,4 +1,4 @@
-"""The dialogue between vehicles and their clients, as it was on the client's side of the link, in words."""
+"""The dialogue between vehicles and clients in words, as seen on the client's side of the link."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from simulator.radio import measure_frame
 
 MavMessage: TypeAlias = Any
-"""A message as pymavlink reads it, which has no types."""
+"""A pymavlink message, which is untyped."""
 ANSWERS = frozenset({
     "AUTOPILOT_VERSION", "COMMAND_ACK", "FILE_TRANSFER_PROTOCOL", "MESSAGE_INTERVAL", "MISSION_ACK", "MISSION_COUNT",
     "MISSION_ITEM", "MISSION_ITEM_INT", "MISSION_ITEM_REACHED", "MISSION_REQUEST", "MISSION_REQUEST_INT", "PARAM_ERROR",
     "PARAM_VALUE", "STATUSTEXT",
 })  # fmt: skip
-"""What is kept of a vehicle's words; the rest is telemetry."""
+"""Vehicle messages to keep; the rest is telemetry."""
 _KEPT_IDS = frozenset(
     getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in ANSWERS if hasattr(dialect, f"MAVLINK_MSG_ID_{name}")
 )
@@ -35,7 +35,7 @@ class Said:
     """Simulated seconds since the simulation began."""
     vehicle: str
     up: bool
-    """Whether a client said it."""
+    """Whether a client sent it."""
     message: MavMessage
 
     @property

@@ -1,4 +1,4 @@
-"""What really happened to the simulated vehicles: the yardstick for what the ground station believed."""
+"""Ground truth of the simulated vehicles, to judge what the ground station believed."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ class Truth:
     t_s: float
     """Simulated seconds since the simulation began."""
     unix_s: float
-    """The same moment on this machine's clock, as seconds since 1970."""
+    """Unix time of the same moment."""
     sender: int | None = None
-    """The system that gave the order."""
+    """System that sent the command."""
     lat_deg: float | None = None
-    """Where it was."""
+    """Latitude, with longitude below."""
     lon_deg: float | None = None
     up_m: float | None = None
-    """Over its pad."""
+    """Height above its pad."""
     charge_pct: float | None = None
-    """What its battery really held."""
+    """True charge of its battery."""
 
 
 class TruthWriter:

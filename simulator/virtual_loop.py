@@ -1,4 +1,4 @@
-"""An event loop whose time jumps to the next deadline, so that an hour of flight takes what its work takes.
+"""An event loop whose time jumps to the next deadline, so that an hour of flight takes only its computing time.
 
 Nothing but asyncio's public classes is used, and without sockets every flight is the same to the last digit. The time
 of looptime, in which many tests run, counts empty turns and rounds; flights have no need of that.

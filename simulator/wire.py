@@ -1,4 +1,4 @@
-"""The only place where the simulator touches pymavlink: frames to messages and back.
+"""Convert frames to messages and back; the only user of pymavlink in the simulator.
 
 pymavlink is a codec here; its connections are not used. None of its dialects has the mission identities that MAVLink
 gained since (MISSION_CURRENT.mission_id, MISSION_ACK.opaque_id, MISSION_COUNT.opaque_id), so they are appended here.
@@ -28,13 +28,13 @@ EXTENSIONS: Mapping[str, tuple[str, ...]] = {
     "MISSION_ACK": ("opaque_id",),
     "MISSION_COUNT": ("opaque_id",),
 }
-"""uint32 fields behind those that pymavlink knows."""
+"""uint32 extension fields that pymavlink lacks."""
 HEADER = struct.Struct("<BBBBBBBHB")
 MAGIC = 0xFD
 
 
 Fields = Any
-"""A decoded message's fields by their MAVLink names; pymavlink's classes are generated and untyped."""
+"""A decoded message's fields by MAVLink name; pymavlink's classes are untyped."""
 
 
 def _to_e7(degrees: float) -> int:
@@ -124,9 +124,9 @@ class Codec:
     ) -> None:
         self._sysid = sysid
         self._every_component = every_component
-        """Whether it obeys what is for another component: ArduPilot does where it knows of none with that id."""
+        """Whether it obeys messages for another component; ArduPilot does if it knows none with that id."""
         self._others = others
-        """Components of the vehicle beside the autopilot that are spoken to."""
+        """Other components of the vehicle that are addressed."""
         self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=component)
         self._began_ticks, self._ticks_per_s = 0, 0.0
         if signing is not None:

@@ -1,4 +1,4 @@
-"""How a program is told to end: by Ctrl-C, by SIGTERM, or by a terminal that closes; and how it ends what it started.
+"""Handle the end of the program, by Ctrl-C, SIGTERM or a closed terminal, and end the processes it started.
 
 Ctrl-C reaches every process of a program at once; those that only work for another leave it to that one.
 """

@@ -1,4 +1,4 @@
-"""The time and the links of a flight: the computer's time, or that of a simulated fleet of ours that runs faster.
+"""Open the clock and the links of a flight: real time, or the faster time of our simulated fleet.
 
 Links are opened, kept up with our heartbeat, and used for several vehicles side by side.
 """

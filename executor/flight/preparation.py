@@ -1,4 +1,4 @@
-"""What comes before a flight: everybody is asked, the checklist is made, and vehicles are prepared.
+"""Prepare a flight: query every vehicle, build the checklist, and upload first missions.
 
 First missions, parameters, fences and rally points are put on board; what was there before is on record first.
 """

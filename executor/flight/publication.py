@@ -1,4 +1,4 @@
-"""What a flight shows outside, as its site says: over MQTT, and on its page; neither may delay it.
+"""Publish a flight over MQTT and on its page, as the site says; neither may delay the flight.
 
 The libraries of both are loaded only where the site asks for them: that takes long.
 """

@@ -1,4 +1,4 @@
-"""Who answers, where everybody stands, what is in the batteries: before a flight, and before each sortie of a day.
+"""Query every vehicle before a flight and before each sortie of a day: answer, position, battery.
 
 After the ground station was away: who answers, what everybody carries, and which item everybody flies to.
 """

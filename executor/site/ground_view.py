@@ -1,4 +1,4 @@
-"""What lies below the line: the relief, a picture of the ground, whom they are by, and how a run directory keeps it.
+"""Background of the map: relief, picture and attribution, and its files in a run directory.
 
 `ground.json` holds all but the pictures beside it. The page is given the same files.
 """

@@ -1,4 +1,4 @@
-"""The site file: what a crew writes, checked before anything else looks at it.
+"""Read the site file, and check it before anything else uses it.
 
 Every refusal is one line that names the file, the key and what was expected.
 """

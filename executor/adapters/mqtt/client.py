@@ -1,4 +1,4 @@
-"""The connection to the broker: carries what waits in the outbox, and comes back however often the broker goes away.
+"""Connection to the broker: sends what is in the outbox, and reconnects as often as needed.
 
 It is a task of its own. The flight puts messages into the outbox and goes on: cells, in which the newest message wins,
 and queues with a bound, as a broker may be away for the whole flight. Whatever the broker does, slowly, wrongly or not

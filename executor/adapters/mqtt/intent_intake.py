@@ -1,4 +1,4 @@
-"""What comes in over MQTT: an intent of the operator's, or a reason why it is none.
+"""Parse MQTT messages: an operator's intent, or the reason why it is refused.
 
 docs/mqtt.md has the same in words. Who can publish on the topic can write anything there: sizes are bounded before
 anything is read, unknown keys are refused, and what was meant for another moment (kept by the broker, or written long
