@@ -24,7 +24,7 @@ from executor.flight.next_flight import read_segments_left, select_next_day
 from executor.site import day_plans, plan_summary, site_model, site_planning
 from executor.site.campaigns import CampaignRunner, open_campaign_runner
 from executor.site.day_plans import build_day_problem, list_spares, name_sortie_rounds, solve_day
-from executor.site.learned_files import describe_learned, read_learned
+from executor.site.learned_files import LearnedDocument, describe_learned
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
@@ -50,7 +50,7 @@ def load_site_with_learned(
     if learned is None:
         return site_model.load_site_model(site, base)
     path = RunDirectory(learned).learned
-    document, drone = read_learned(path), site_model.drone_of(site).name
+    document, drone = LearnedDocument.read(path), site_model.drone_of(site).name
     rows, known = {row.name: row for row in document.vehicles}, {}
     for vehicle in site.vehicle:
         row = rows.get(vehicle.name)

@@ -23,7 +23,7 @@ from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_l
 from executor.replay.open_log import is_log, open_log
 from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
 from executor.replay.run_replay import RunReplay, replay_run
-from executor.site.learned_files import PacksDocument, read_packs
+from executor.site.learned_files import PacksDocument
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
 from missions.files import json_text, write_whole
@@ -87,7 +87,7 @@ def replay_logs(
 
 def _update_packs(done: Sequence[LogReplay], path: Path, site: Site | None) -> PacksDocument:
     """Add what the flights say of their packs to a file, and return all that stands in it."""
-    known = merge_packs((), read_packs(path) if path.exists() else None)
+    known = merge_packs((), PacksDocument.read(path) if path.exists() else None)
     for one in done:
         run = RunDirectory(one.path)
         own = read_site(run.site) if site is None and run.site.exists() else site
