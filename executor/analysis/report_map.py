@@ -8,6 +8,7 @@ from typing import TypedDict
 
 import numpy as np
 
+from executor.adapters.web.snapshot import PageArea, list_page_areas, round_place
 from executor.analysis.documents import FlightReport, VehicleRow
 from executor.analysis.flight_record import (
     GAP_S,
@@ -23,7 +24,6 @@ from executor.analysis.flight_record import (
 from executor.core import formatting
 from executor.site.site_model import SiteModel
 from missions.geo import FloatArray
-from missions.no_fly_areas import AreaKind
 
 STEP_M = 3.0
 """Distance between two points of a track."""
@@ -107,14 +107,6 @@ class ReportPlace(TypedDict):
     place_m: Place
 
 
-class ReportArea(TypedDict):
-    """What flights keep out of."""
-
-    name: str
-    limit: bool
-    outlines_m: list[list[Place]]
-
-
 class ReportFrame(TypedDict):
     """Where the local metres begin."""
 
@@ -127,7 +119,7 @@ class ReportMap(TypedDict):
 
     frame: ReportFrame | None
     segments: list[ReportSegment]
-    areas: list[ReportArea]
+    areas: list[PageArea]
     places: list[ReportPlace]
     vehicles: list[ReportVehicle]
     plans: list[ReportPlan]
@@ -146,14 +138,7 @@ def build_report_map(record: FlightRecord, report: FlightReport, ground: SiteMod
     return ReportMap(
         frame=None if frame is None else ReportFrame(lat_deg=frame.lat_deg, lon_deg=frame.lon_deg),
         segments=[*_list_flown(record, report), *(() if ground is None else _list_others(record, ground))],
-        areas=[
-            ReportArea(
-                name=area.name,
-                limit=area.kind is AreaKind.HEIGHT_LIMIT,
-                outlines_m=[[_round_place(*place) for place in ring] for ring in area.polygons_m()],
-            )
-            for area in record.areas
-        ],
+        areas=list_page_areas(record.areas),
         places=[] if ground is None else list(_list_places(ground)),
         vehicles=[_build_vehicle(vehicle, rows.get(vehicle.name)) for vehicle in record.vehicles],
         plans=[_build_plan(revision) for revision in record.revisions],
@@ -186,7 +171,7 @@ def _list_places(ground: SiteModel) -> Iterator[ReportPlace]:
     alternates = (one for one in ground.site.place if one.kind == "alternate")
     for kind, places in (("base", ground.site.base), ("alternate", alternates)):
         for one in places:
-            place_m = _round_place(*ground.network.frame.to_local_m(one.lat_deg, one.lon_deg))
+            place_m = round_place(ground.network.frame.to_local_m(one.lat_deg, one.lon_deg))
             yield ReportPlace(kind=kind, name=one.name, place_m=place_m)
 
 
@@ -195,7 +180,7 @@ def _build_segment(
 ) -> ReportSegment:
     return ReportSegment(
         name=one.display_name,
-        ends_m=(_round_place(*one.a_m), _round_place(*one.b_m)),
+        ends_m=(round_place(one.a_m), round_place(one.b_m)),
         state=state,
         by=one.inspected_by,
         at="" if one.inspected_s is None else formatting.format_flight_time(one.inspected_s),
@@ -210,13 +195,13 @@ def _build_vehicle(vehicle: VehicleRecord, row: VehicleRow | None) -> ReportVehi
     at = None if fault is None else find_last_row(vehicle, fault.detected_s)
     if fault is not None and at is not None:
         when = formatting.format_flight_time(fault.detected_s)
-        lost = ReportLoss(place_m=_round_place(*track_m[at]), at=when, why=fault.reason)
+        lost = ReportLoss(place_m=round_place(track_m[at]), at=when, why=fault.reason)
     is_out = row is not None and not row.landed and row.state not in {"", "ground"}
     if row is not None and is_out and track_m and (at is None or math.dist(track_m[at], track_m[-1]) > APART_M):
-        end = ReportEnd(place_m=_round_place(*track_m[-1]), state=row.state)
+        end = ReportEnd(place_m=round_place(track_m[-1]), state=row.state)
     return ReportVehicle(
         name=vehicle.name,
-        pad_m=_round_place(*vehicle.pad_m),
+        pad_m=round_place(vehicle.pad_m),
         flown_m=list(_thin_track(vehicle.track)),
         lost=lost,
         end=end,
@@ -230,7 +215,7 @@ def _thin_track(track: FloatArray) -> Iterator[list[Place]]:
         kept: list[Place] = []
         for place in piece.tolist():
             if not kept or math.dist(kept[-1], place) >= STEP_M:
-                kept.append(_round_place(*place))
+                kept.append(round_place(place))
         if len(kept) > 1:
             yield kept
 
@@ -240,7 +225,7 @@ def _build_plan(revision: PlanRevision) -> ReportPlan:
     return ReportPlan(
         name="first plan" if revision.number == 0 else f"re-plan {revision.number}, {at}",
         routes=[
-            ReportRoute(vehicle=route.vehicle, way_m=[_round_place(*place) for place in _list_way(route)])
+            ReportRoute(vehicle=route.vehicle, way_m=[round_place(place) for place in _list_way(route)])
             for route in revision.routes
         ],
     )
@@ -252,7 +237,3 @@ def _list_way(route: PlannedRoute) -> Iterator[Place]:
         yield place
         if index % 2 == 0 and index // 2 < len(route.turns_m):
             yield from route.turns_m[index // 2]
-
-
-def _round_place(east_m: float, north_m: float) -> Place:
-    return round(east_m, 1), round(north_m, 1)
