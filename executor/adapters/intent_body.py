@@ -30,12 +30,15 @@ NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_A
 """At least one asset; an empty list does not mean all."""
 
 
+ID = r"^[A-Za-z0-9._:-]{1,64}$"
+
+
 class IntentBody(BaseModel):
     """What an operator wants."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
+    id: Annotated[str, Field(pattern=ID)]
     """Unique id chosen by the sender. A repeated id gets the same answer and is not carried out again."""
     action: ActionName
     """Action; `prepare` and `take-off` answer the questions before the flight."""

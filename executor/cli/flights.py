@@ -76,7 +76,8 @@ def demo(
     faults = fault if fault is not None else [simulated_fleet.USUAL_LOSS if usual else simulated_fleet.OTHER_LOSS]
     site = check_site(content, "demo")
     ground = site_model.load_site_model(site, Path())
-    simulated_fleet.check_faults(ground, faults)
+    # What is wrong with a fault is said before anything is started.
+    simulated_fleet.fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=1.0, failsafe=True)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
     wanted = replace(options.build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
@@ -120,17 +121,15 @@ def simulate(
     radio: options.RadioOption = "",
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
-    from executor.simulated.simulated_fleet import SimulationOutputs, run_simulation
-
     plan_inputs.check_can_write(truth)
     if cards is not None:
         require_extra(Extra.IMAGES, "--cards")
     content = read_site(site)
     ground = site_model.load_site_model(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
-    run_simulation(
-        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, outputs=SimulationOutputs(truth, cards),
-        failsafe=failsafe, key=read_signing_key(content, site.parent), radio=radio,
+    simulated_fleet.run_simulation(
+        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, cards=cards, failsafe=failsafe,
+        key=read_signing_key(content, site.parent), radio=radio,
     )  # fmt: skip
 
 

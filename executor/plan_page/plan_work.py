@@ -23,8 +23,8 @@ from executor.plan_page.plan_view import (
     list_uncovered,
     summarise,
 )
+from executor.plan_page.site_view import SiteKey, find_site_key, read_site_model
 from executor.plan_page.worker import report_progress
-from executor.plan_page.worker_site import SiteKey, find_site_key, read_site_model
 from executor.site import site_model, site_planning
 from executor.site.day_plans import (
     PricedDays,

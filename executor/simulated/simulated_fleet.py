@@ -143,16 +143,6 @@ def fleet_of(
     return SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults), radio)
 
 
-@dataclass(frozen=True, slots=True)
-class SimulationOutputs:
-    """What a simulation writes besides what it prints."""
-
-    truth: Path | None = None
-    """What really happened."""
-    cards: Path | None = None
-    """What its cameras take."""
-
-
 def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     ground: SiteModel,
     *,
@@ -160,13 +150,17 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     faults: Sequence[str],
     seed: int,
     wind: float,
-    outputs: SimulationOutputs,
+    truth: Path | None,
+    cards: Path | None,
     failsafe: bool,
-    key: bytes | None = None,
-    radio: str = "",
+    key: bytes | None,
+    radio: str,
 ) -> None:
-    """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
-    written = None if outputs.cards is None else SimulatedCards(outputs.cards, time.time())
+    """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM).
+
+    What really happens goes to the file `truth`, what its cameras take into the folder `cards`.
+    """
+    written = None if cards is None else SimulatedCards(cards, time.time())
     signing = None
     if key is not None:
         began_ticks = round((time.time() - EPOCH_UNIX_S) * TICKS_PER_S)
@@ -175,7 +169,7 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
         ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing, radio=radio
     )
     with ExitStack() as stack:
-        writer = stack.enter_context(closing(TruthWriter(outputs.truth))) if outputs.truth is not None else None
+        writer = stack.enter_context(closing(TruthWriter(truth))) if truth is not None else None
         for vehicle in fleet.vehicles:
             print(
                 f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {', '.join(vehicle.connections)}"
@@ -289,15 +283,6 @@ def find_free_ports(count: int) -> list[int]:
                 plug.bind(("127.0.0.1", port))
                 found.append(port)
     return found
-
-
-def check_faults(ground: SiteModel, faults: Sequence[str]) -> None:
-    """Check the faults before anything is started.
-
-    Raises:
-        SimulatorError: one of them cannot be read, or names a vehicle that does not fly.
-    """
-    fleet_of(ground, speedup=1.0, faults=faults, seed=0, wind=1.0, failsafe=False)
 
 
 @contextmanager
