@@ -9,18 +9,8 @@ from typing import TypedDict
 import numpy as np
 
 from executor.adapters.web.snapshot import PageArea, list_page_areas, round_place
+from executor.analysis import flight_record
 from executor.analysis.documents import FlightReport, VehicleRow
-from executor.analysis.flight_record import (
-    GAP_S,
-    FlightRecord,
-    Place,
-    PlannedRoute,
-    PlanRevision,
-    SegmentRecord,
-    VehicleRecord,
-    find_abandoned_segments,
-    find_last_row,
-)
 from executor.core import formatting
 from executor.site.site_model import SiteModel
 from missions.geo import FloatArray
@@ -43,7 +33,7 @@ class ReportSegment(TypedDict):
     """A segment on a report's map."""
 
     name: str
-    ends_m: tuple[Place, Place]
+    ends_m: tuple[flight_record.Place, flight_record.Place]
     state: str
     """State on the map: done, inferred, missed, left-over, left-out or unreachable."""
     by: str | None
@@ -59,7 +49,7 @@ class ReportSegment(TypedDict):
 class ReportLoss(TypedDict):
     """A vehicle that was lost."""
 
-    place_m: Place
+    place_m: flight_record.Place
     """Last GPS position."""
     at: str
     why: str
@@ -68,7 +58,7 @@ class ReportLoss(TypedDict):
 class ReportEnd(TypedDict):
     """A vehicle that is not at home."""
 
-    place_m: Place
+    place_m: flight_record.Place
     """Last reported position."""
     state: str
 
@@ -77,8 +67,8 @@ class ReportVehicle(TypedDict):
     """A vehicle on a report's map."""
 
     name: str
-    pad_m: Place
-    flown_m: list[list[Place]]
+    pad_m: flight_record.Place
+    flown_m: list[list[flight_record.Place]]
     """Track in pieces, split where nothing was received."""
     lost: ReportLoss | None
     end: ReportEnd | None
@@ -88,7 +78,7 @@ class ReportRoute(TypedDict):
     """A route of a plan."""
 
     vehicle: str
-    way_m: list[Place]
+    way_m: list[flight_record.Place]
 
 
 class ReportPlan(TypedDict):
@@ -104,7 +94,7 @@ class ReportPlace(TypedDict):
     kind: str
     """Kind: base or alternate."""
     name: str
-    place_m: Place
+    place_m: flight_record.Place
 
 
 class ReportFrame(TypedDict):
@@ -125,7 +115,9 @@ class ReportMap(TypedDict):
     plans: list[ReportPlan]
 
 
-def build_report_map(record: FlightRecord, report: FlightReport, ground: SiteModel | None = None) -> ReportMap:
+def build_report_map(
+    record: flight_record.FlightRecord, report: FlightReport, ground: SiteModel | None = None
+) -> ReportMap:
     """Return what the map shows.
 
     Args:
@@ -145,9 +137,9 @@ def build_report_map(record: FlightRecord, report: FlightReport, ground: SiteMod
     )
 
 
-def _list_flown(record: FlightRecord, report: FlightReport) -> Iterator[ReportSegment]:
+def _list_flown(record: flight_record.FlightRecord, report: FlightReport) -> Iterator[ReportSegment]:
     planned = {segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments}
-    left = {segment.id for segment, _ in find_abandoned_segments(record)}
+    left = {segment.id for segment, _ in flight_record.find_abandoned_segments(record)}
     inferred, missed = set(report.inferred), {row.segment for row in report.seen if row.state == "not seen"}
     for one in record.segments:
         state = "done" if one.inspected_by is not None else "missed" if one.id in missed else "left-over"
@@ -156,14 +148,14 @@ def _list_flown(record: FlightRecord, report: FlightReport) -> Iterator[ReportSe
         )
 
 
-def _list_others(record: FlightRecord, ground: SiteModel) -> Iterator[ReportSegment]:
+def _list_others(record: flight_record.FlightRecord, ground: SiteModel) -> Iterator[ReportSegment]:
     """Yield what the flight did not go for."""
     flown = {segment.id for segment in record.segments}
     never = {one.segment for one in ground.setup.unreachable} - ground.left_out
     for number, (a_m, b_m) in enumerate(ground.network.ends_m.tolist()):
         if number not in flown:
             name = ground.network.segment_name(number)
-            one = SegmentRecord(number, tuple(a_m), tuple(b_m), None, None, name)
+            one = flight_record.SegmentRecord(number, tuple(a_m), tuple(b_m), None, None, name)
             yield _build_segment(one, "unreachable" if number in never else "left-out")
 
 
@@ -176,7 +168,7 @@ def _list_places(ground: SiteModel) -> Iterator[ReportPlace]:
 
 
 def _build_segment(
-    one: SegmentRecord, state: str, planned: str | None = None, *, taken_over: bool = False
+    one: flight_record.SegmentRecord, state: str, planned: str | None = None, *, taken_over: bool = False
 ) -> ReportSegment:
     return ReportSegment(
         name=one.display_name,
@@ -189,10 +181,10 @@ def _build_segment(
     )
 
 
-def _build_vehicle(vehicle: VehicleRecord, row: VehicleRow | None) -> ReportVehicle:
+def _build_vehicle(vehicle: flight_record.VehicleRecord, row: VehicleRow | None) -> ReportVehicle:
     lost, end = None, None
     fault, track_m = vehicle.fault, vehicle.track[:, 1:3].tolist()
-    at = None if fault is None else find_last_row(vehicle, fault.detected_s)
+    at = None if fault is None else flight_record.find_last_row(vehicle, fault.detected_s)
     if fault is not None and at is not None:
         when = formatting.format_flight_time(fault.detected_s)
         lost = ReportLoss(place_m=round_place(track_m[at]), at=when, why=fault.reason)
@@ -208,11 +200,11 @@ def _build_vehicle(vehicle: VehicleRecord, row: VehicleRow | None) -> ReportVehi
     )
 
 
-def _thin_track(track: FloatArray) -> Iterator[list[Place]]:
+def _thin_track(track: FloatArray) -> Iterator[list[flight_record.Place]]:
     """Yield a (n, 4) track in the pieces that were heard, without points that nobody sees."""
-    cuts = np.flatnonzero(np.diff(track[:, 0]) > GAP_S) + 1
+    cuts = np.flatnonzero(np.diff(track[:, 0]) > flight_record.GAP_S) + 1
     for piece in np.split(track[:, 1:3], cuts):
-        kept: list[Place] = []
+        kept: list[flight_record.Place] = []
         for place in piece.tolist():
             if not kept or math.dist(kept[-1], place) >= STEP_M:
                 kept.append(round_place(place))
@@ -220,7 +212,7 @@ def _thin_track(track: FloatArray) -> Iterator[list[Place]]:
             yield kept
 
 
-def _build_plan(revision: PlanRevision) -> ReportPlan:
+def _build_plan(revision: flight_record.PlanRevision) -> ReportPlan:
     at = formatting.format_flight_time(revision.decided_s)
     return ReportPlan(
         name="first plan" if revision.number == 0 else f"re-plan {revision.number}, {at}",
@@ -231,7 +223,7 @@ def _build_plan(revision: PlanRevision) -> ReportPlan:
     )
 
 
-def _list_way(route: PlannedRoute) -> Iterator[Place]:
+def _list_way(route: flight_record.PlannedRoute) -> Iterator[flight_record.Place]:
     """Yield everything that a route leads through, in its order."""
     for index, place in enumerate(route.way_m):
         yield place
