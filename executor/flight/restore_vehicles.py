@@ -258,7 +258,7 @@ async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, 
 async def _put_parameter_back(link: Link, clock: Clock, change: KeptParameter) -> str:
     if change.name == UNASKED:
         off = dialect_for(change.autopilot).unasked_hz
-        return await procedures.send_to_streams(link, clock, off, vehicle_commands.reset_message)
+        return await procedures.set_streams(link, clock, off, vehicle_commands.UNASKED_US)
     await procedures.set_parameter(link, clock, change.name, change.old, change.kind)
     return ""  # what is read in the next round tells
 

@@ -368,16 +368,12 @@ def _end_when_unacknowledged(plug: socket.socket) -> None:
             plug.setsockopt(socket.IPPROTO_TCP, option, UNACKNOWLEDGED_MS)
 
 
-def _check_serial_ports() -> None:
-    if sys.platform == "win32":
-        raise OSError("a serial port is read on Linux and macOS (on Windows: WSL 2)")
-
-
 class _SerialPort:
     """One opened serial port; reads and writes never wait."""
 
     def __init__(self, router: Router, connection: Connection) -> None:
-        _check_serial_ports()
+        if sys.platform == "win32":
+            raise OSError("a serial port is read on Linux and macOS (on Windows: WSL 2)")
         import serial
 
         self.lost = asyncio.Event()
