@@ -19,12 +19,7 @@ def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody s
     raise PydanticCustomError("asset", "expected the name of an asset or the number of a segment")
 
 
-_SCHEMA = {
-    "anyOf": [
-        {"type": "string", "minLength": 1, "maxLength": LONGEST_NAME},
-        {"type": "integer", "minimum": 0},
-    ]
-}
+_SCHEMA = {"anyOf": [{"type": "string", "minLength": 1, "maxLength": LONGEST_NAME}, {"type": "integer", "minimum": 0}]}
 Asset = Annotated[int | str, PlainValidator(_check_asset), WithJsonSchema(_SCHEMA)]
 NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_ASSETS)]
 """At least one asset; an empty list does not mean all."""

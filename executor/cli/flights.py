@@ -110,13 +110,11 @@ def simulate(
     failsafe: Annotated[
         bool,
         typer.Option(
-            "--failsafe",
-            help="GCS failsafe on the vehicles: RTL when GCS heartbeats stop. Without it they continue.",
+            "--failsafe", help="GCS failsafe on the vehicles: RTL when GCS heartbeats stop. Without it they continue."
         ),
     ] = False,
     cards: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write what the site's cameras take there, as JPEGs with EXIF."),
+        Path | None, typer.Option(metavar="DIR", help="Write what the site's cameras take there, as JPEGs with EXIF.")
     ] = None,
     radio: options.RadioOption = "",
 ) -> None:

@@ -220,9 +220,7 @@ def capacity_ah(flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, 
 
 
 def merge_packs(
-    replays: Iterable[LogReplay],
-    before: PacksDocument | None = None,
-    labels: Mapping[int, str] = MappingProxyType({}),
+    replays: Iterable[LogReplay], before: PacksDocument | None = None, labels: Mapping[int, str] = MappingProxyType({})
 ) -> PacksDocument:
     """Return what is known after further logs; a flight that was known is told anew.
 

@@ -13,15 +13,7 @@ from matplotlib.lines import Line2D
 
 from executor.analysis import flight_record
 from executor.analysis.pictures import map_sheet
-from executor.analysis.pictures.style import (
-    COLOURS,
-    FAINT,
-    INK,
-    PAPER,
-    VehicleStyle,
-    make_white_edge,
-    style_of,
-)
+from executor.analysis.pictures.style import COLOURS, FAINT, INK, PAPER, VehicleStyle, make_white_edge, style_of
 from executor.site.ground_view import GroundView
 from missions import NetworkImport, PlanFile
 from missions.geo import FloatArray
