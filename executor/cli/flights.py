@@ -161,7 +161,7 @@ def fly(
     wanted = planning.build_request()
     console = TerminalConsole(quiet=as_json or quiet, yes=yes, on_page=on_page)
     made = _PreparedSite(site, learned, after, console)
-    if on_page and not made.is_on_page:
+    if on_page and not made.content.web.enabled:
         raise SiteError(f"--on-page: expected [web] enabled in {site}, where the page is switched off")
     day, routes = plan_inputs.select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
     _fly_and_finish(made.build_flight_request(routes, run, day), console, as_json=as_json)
@@ -204,21 +204,16 @@ class _PreparedSite:
 
     def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
         check_can_fly(site)
-        self._base, self._content = site.parent, read_site(site)
-        check_backends(self._content)
-        self.ground = plan_inputs.load_site_with_learned(self._content, self._base, learned, console)
-        self._mqtt = read_mqtt_settings(self._content.mqtt, self._base, str(site))
+        self._base, self.content = site.parent, read_site(site)
+        check_backends(self.content)
+        self.ground = plan_inputs.load_site_with_learned(self.content, self._base, learned, console)
+        self._mqtt = read_mqtt_settings(self.content.mqtt, self._base, str(site))
         self._below = view_for(self.ground, self._base)
         self._after = after
 
-    @property
-    def is_on_page(self) -> bool:
-        """Whether its flight has a page."""
-        return self._content.web.enabled
-
     def build_flight_request(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> FlightRequest:
         return FlightRequest(
-            self._content, self._base, self.ground, routes, create_run_directory(run), lambda _: (), self._mqtt,
+            self.content, self._base, self.ground, routes, create_run_directory(run), lambda _: (), self._mqtt,
             self._below, day, () if self._after is None else read_earlier_flights(self._after),
         )  # fmt: skip
 
@@ -271,10 +266,8 @@ def preflight(
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     lines = ["ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}"]
-    rows = [CheckRow.build_from(check).to_plain() for check in found]
-    plan_inputs.print_result(lambda: {"ready": not stops, "checks": rows}, () if quiet else lines, as_json=as_json)
-    if stops:
-        raise typer.Exit(ANSWER_IS_NO)
+    document = {"ready": not stops, "checks": [CheckRow.build_from(check).to_plain() for check in found]}
+    plan_inputs.print_result(lambda: document, () if quiet else lines, as_json=as_json, answer_is_no=bool(stops))
 
 
 def resume(
@@ -428,6 +421,5 @@ def _finish(
         ]
     what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
     line = f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored"
-    plan_inputs.print_result(lambda: {"restored": stay == 0, **rows}, [] if quiet else [line], as_json=as_json)
-    if stay:
-        raise typer.Exit(ANSWER_IS_NO)
+    lines = [] if quiet else [line]
+    plan_inputs.print_result(lambda: {"restored": not stay, **rows}, lines, as_json=as_json, answer_is_no=stay > 0)

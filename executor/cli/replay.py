@@ -13,7 +13,6 @@ from pydantic import TypeAdapter
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
-from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import JsonOption
 from executor.cli.plan_inputs import print_result, write_named_file
 from executor.core.interface.messages import Actor
@@ -79,10 +78,9 @@ def replay_logs(
     history = None if packs is None else _update_packs(done, packs, known)
     lines = [line for one in done for line in _describe(one)]
     lines += [] if history is None else format_pack_lines(history)
-    print_result(lambda: build_replay_document(done), lines, as_json=as_json)
     differs = any(isinstance(one, RunReplay) and not one.comparison.is_same for one in done)
-    if differs or not any(one.vehicles for one in done):
-        raise typer.Exit(ANSWER_IS_NO)
+    is_no = differs or not any(one.vehicles for one in done)
+    print_result(lambda: build_replay_document(done), lines, as_json=as_json, answer_is_no=is_no)
 
 
 def _update_packs(done: Sequence[LogReplay], path: Path, site: Site | None) -> PacksDocument:
