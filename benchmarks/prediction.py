@@ -22,7 +22,7 @@ from benchmarks.store import Json
 from benchmarks.virtual_flight import VirtualFlight, fly_virtual
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_network
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import LegRow, RouteRow, read_report
+from executor.analysis.documents import FlightReport, LegRow, RouteRow
 from executor.analysis.report import build_route_rows
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.replay.run_replay import replay_run
@@ -281,7 +281,7 @@ def read_recorded_routes(runs: Sequence[Path]) -> list[FlownRoute]:
 
 
 def _rows(run: Path) -> Sequence[RouteRow]:
-    return read_report(run).routes or build_route_rows(replay_run(run).state)
+    return FlightReport.read(RunDirectory(run).report).routes or build_route_rows(replay_run(run).state)
 
 
 def _read_route(run: Path, row: RouteRow) -> FlownRoute:

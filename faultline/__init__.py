@@ -19,7 +19,7 @@ if _wrong := find_stranger():
 
 from executor import __version__
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import FlightReport, read_report
+from executor.analysis.documents import FlightReport
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.flight_record import read_run as _read_record
 from executor.errors import ExecutorError
@@ -156,7 +156,7 @@ def read_run(path: Path | str) -> Run:
         ERRORS: There is no report yet, or a file cannot be used: one line that names the file.
     """
     run = RunDirectory(Path(path))
-    report = read_report(run.path)
+    report = FlightReport.read(run.report)
     numbers = (0, *(row.revision for row in report.replans))
     plans = tuple(read_plan(run.plan_path(number)) for number in numbers)
     return Run(run.path, report, _read_record(run.path), plans)

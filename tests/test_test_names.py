@@ -167,7 +167,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/plan_page/test_planning.py": (
         "executor/plan_page/plan_store.py",
         "executor/plan_page/plan_work.py",
-        "executor/plan_page/worker_site.py",
     ),
     "tests/executor/plan_page/test_server.py": (
         "executor/plan_page/api.py",

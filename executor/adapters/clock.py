@@ -12,7 +12,7 @@ import selectors
 import sys
 import time
 from collections.abc import Callable, Coroutine, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent import futures
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, ParamSpec, Self, TypeVar, cast
@@ -193,7 +193,7 @@ class FleetTime(asyncio.Protocol):
                 self._turn.end()
         # It lived on without us, and what it said meanwhile is late already: it is heard as late as it was.
         if self._together and self._told_s - self._lived_s > 2 * common_time.AHEAD_S:
-            self._advance()
+            self._lived_s = self._told_s
 
     def _handle_greeting(self, greeting: common_time.Greeting) -> None:
         self._turn = common_time.ReplyWait(greeting.pid)
@@ -213,13 +213,10 @@ class FleetTime(asyncio.Protocol):
             self._behind_s = self._own_s() - self.steady_s()
             self._together = False
 
-    def _advance(self) -> None:
-        self._lived_s = self._told_s
-
     def note_idle(self) -> bool:
         """Take note that everything that was heard is dealt with; returns whether time has gone on by that."""
         if self._told_s > self._lived_s:
-            self._advance()
+            self._lived_s = self._told_s
             return True
         if self._taken_s < self._lived_s and self._transport is not None and self._turn is not None:
             self._taken_s = self._lived_s
@@ -230,7 +227,7 @@ class FleetTime(asyncio.Protocol):
     def note_busy(self) -> None:
         """Take note that there is still something to be dealt with."""
         if self._told_s > self._lived_s and self._monotonic_s() - self._heard_at_s >= BUSY_REAL_S:
-            self._advance()
+            self._lived_s = self._told_s
             self.note_idle()
 
     def note_silence(self) -> None:
@@ -266,14 +263,14 @@ THREADS_END_S = 5.0
 """Real seconds that the threads beside a flight may take to end: a disk or a name server may never answer."""
 
 
-class BoundedThreadPool(ThreadPoolExecutor):
+class BoundedThreadPool(futures.ThreadPoolExecutor):
     """The threads beside an event loop, whose end is not waited for longer than `THREADS_END_S`."""
 
     def __init__(self) -> None:
         super().__init__(THREADS, thread_name_prefix="beside")
-        self._begun: set[Future[Any]] = set()
+        self._begun: set[futures.Future[Any]] = set()
 
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
         """Do something in a thread."""
         future = super().submit(fn, *args, **kwargs)
         self._begun.add(future)
@@ -284,11 +281,7 @@ class BoundedThreadPool(ThreadPoolExecutor):
         """Take no more, and wait a while for what was begun."""
         super().shutdown(wait=False, cancel_futures=cancel_futures)
         if wait:
-            _wait_for_futures(tuple(self._begun))
-
-
-def _wait_for_futures(begun: tuple[Future[Any], ...]) -> None:
-    wait(begun, THREADS_END_S)
+            futures.wait(tuple(self._begun), THREADS_END_S)
 
 
 class FairSelector(selectors.DefaultSelector):

@@ -76,12 +76,6 @@ def read_ends(path: Path, size: int) -> tuple[bytes, bytes]:
         return log[: log.find(b"\n") + 1] or log[:], log[begin:size]
 
 
-def count_whole_bytes(path: Path) -> int:
-    """Return how many bytes of a log are whole lines."""
-    with _map_log(path) as log:
-        return log.rfind(b"\n") + 1
-
-
 def count_lines_after(path: Path, place: LogPlace | None) -> int:
     """Return how many whole lines follow a place, or are in the whole log."""
     with path.open("rb") as file:
@@ -271,7 +265,8 @@ class EventLog:
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | new, 0o644)
             if began_unix_s is None:
-                whole = count_whole_bytes(path)
+                with _map_log(path) as log:
+                    whole = log.rfind(b"\n") + 1  # whole lines
                 os.ftruncate(self._fd, whole)
                 self._first, self._last = read_ends(path, whole)
         except OSError as error:

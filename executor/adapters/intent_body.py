@@ -19,15 +19,13 @@ def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody s
     raise PydanticCustomError("asset", "expected the name of an asset or the number of a segment")
 
 
-_SCHEMA = {
-    "anyOf": [
-        {"type": "string", "minLength": 1, "maxLength": LONGEST_NAME},
-        {"type": "integer", "minimum": 0},
-    ]
-}
+_SCHEMA = {"anyOf": [{"type": "string", "minLength": 1, "maxLength": LONGEST_NAME}, {"type": "integer", "minimum": 0}]}
 Asset = Annotated[int | str, PlainValidator(_check_asset), WithJsonSchema(_SCHEMA)]
 NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_ASSETS)]
 """At least one asset; an empty list does not mean all."""
+
+
+ID = r"^[A-Za-z0-9._:-]{1,64}$"
 
 
 class IntentBody(BaseModel):
@@ -35,7 +33,7 @@ class IntentBody(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
+    id: Annotated[str, Field(pattern=ID)]
     """Unique id chosen by the sender. A repeated id gets the same answer and is not carried out again."""
     action: ActionName
     """Action; `prepare` and `take-off` answer the questions before the flight."""

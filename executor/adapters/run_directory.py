@@ -11,7 +11,7 @@ from datetime import datetime
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -195,6 +195,9 @@ class Document(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
+    expected: ClassVar[str]
+    """What a file of it is, in words, where one is read."""
+
     @classmethod
     def build_from(cls, source: object, **more: object) -> Self:
         """Return the document of a value.
@@ -219,12 +222,8 @@ class Document(BaseModel):
         write_document(path, self.to_plain())
 
     @classmethod
-    def read(cls, path: Path, expected: str) -> Self:
-        """Read it.
-
-        Args:
-            path: Its file.
-            expected: What it is, in words.
+    def read(cls, path: Path) -> Self:
+        """Read it from its file.
 
         Raises:
             LogError: one line that names the file, the key and what was expected.
@@ -232,6 +231,6 @@ class Document(BaseModel):
         try:
             return cls.model_validate_json(path.read_bytes())
         except OSError as error:
-            raise LogError(f"{path}: cannot be read: {error.strerror}; expected {expected}") from error
+            raise LogError(f"{path}: cannot be read: {error.strerror}; expected {cls.expected}") from error
         except ValidationError as error:
             raise LogError(f"{path}: {format_first_error(error)}") from error

@@ -358,6 +358,7 @@ class UnreachableRow(Document):
 class FlightReport(Document):
     """What a flight came to. Times are seconds since the order to take off."""
 
+    expected = "the report of a flight that is over"
     format: Literal["faultline-report/1"]
     segments_total: Whole
     segments_inspected: Whole
@@ -438,6 +439,7 @@ class AskedVehicle(Document):
 class AskedVehicles(Document):
     """Who was asked before the flight, and what each one answered."""
 
+    expected = "what vehicles said before a flight"
     format: Literal["faultline-vehicles/1"] = "faultline-vehicles/1"
     vehicles: tuple[AskedVehicle, ...]
     checks: tuple[CheckRow, ...] = ()
@@ -446,24 +448,6 @@ class AskedVehicles(Document):
     """Earlier flights whose remainder is flown."""
     counts_packs: Annotated[YesNo, Field(exclude_if=not_)] = False
     """Whether the packs at the bases are counted in flight; false in older run directories."""
-
-
-def read_report(run: Path) -> FlightReport:
-    """Return what the flight of a run directory came to.
-
-    Raises:
-        LogError: there is no report yet, or it cannot be used.
-    """
-    return FlightReport.read(RunDirectory(run).report, "the report of a flight that is over")
-
-
-def read_vehicle_answers(run: Path) -> AskedVehicles:
-    """Return what the vehicles of a run directory answered before the flight.
-
-    Raises:
-        LogError: it cannot be read.
-    """
-    return AskedVehicles.read(RunDirectory(run).vehicles, "what vehicles said before a flight")
 
 
 def read_flown_day_plan(run: Path) -> DayPlanFile | None:
@@ -483,7 +467,7 @@ def read_earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
         LogError: there is no report, or it cannot be used.
         MissionsError: its day plan cannot be used.
     """
-    report, day = read_report(run), read_flown_day_plan(run)
+    report, day = FlightReport.read(RunDirectory(run).report), read_flown_day_plan(run)
     row = EarlierRow(
         run=run.resolve().name,
         segments=list_inspected_segments(report),

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import planner
 from executor.adapters.eventlog import read_events, read_head, read_notes
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import FaultRow, FlightReport, read_report
+from executor.analysis.documents import FaultRow, FlightReport
 from executor.core.battery.pack_condition import PackHistory
 from executor.core.interface import messages
 from executor.core.interface.commands import Level
@@ -377,7 +377,7 @@ def read_run(run: Path) -> FlightRecord:
         SiteError: site.toml cannot be used.
         MissionsError: a plan file cannot be used.
     """
-    report = read_report(run)
+    report = FlightReport.read(RunDirectory(run).report)
     site = read_site(RunDirectory(run).site)
     first = read_plan(RunDirectory(run).plan_path(0))
     log = _read_log(RunDirectory(run).events, first.frame, site)

@@ -326,10 +326,7 @@ def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[I
     known = [t.at_s for t in truths if t.vehicle in {name, "all"} and t.kind == fault.kind.value]
     before = [at_s for at_s in known if at_s <= fault.detected_s]
     return documents.FaultRow.build_from(
-        fault,
-        vehicle=name,
-        happened_s=max(before) - began_s if before else None,
-        detected_s=fault.detected_s - began_s,
+        fault, vehicle=name, happened_s=max(before) - began_s if before else None, detected_s=fault.detected_s - began_s
     )
 
 

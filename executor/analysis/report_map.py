@@ -8,22 +8,12 @@ from typing import TypedDict
 
 import numpy as np
 
+from executor.adapters.web.snapshot import PageArea, list_page_areas, round_place
+from executor.analysis import flight_record
 from executor.analysis.documents import FlightReport, VehicleRow
-from executor.analysis.flight_record import (
-    GAP_S,
-    FlightRecord,
-    Place,
-    PlannedRoute,
-    PlanRevision,
-    SegmentRecord,
-    VehicleRecord,
-    find_abandoned_segments,
-    find_last_row,
-)
 from executor.core import formatting
 from executor.site.site_model import SiteModel
 from missions.geo import FloatArray
-from missions.no_fly_areas import AreaKind
 
 STEP_M = 3.0
 """Distance between two points of a track."""
@@ -43,7 +33,7 @@ class ReportSegment(TypedDict):
     """A segment on a report's map."""
 
     name: str
-    ends_m: tuple[Place, Place]
+    ends_m: tuple[flight_record.Place, flight_record.Place]
     state: str
     """State on the map: done, inferred, missed, left-over, left-out or unreachable."""
     by: str | None
@@ -59,7 +49,7 @@ class ReportSegment(TypedDict):
 class ReportLoss(TypedDict):
     """A vehicle that was lost."""
 
-    place_m: Place
+    place_m: flight_record.Place
     """Last GPS position."""
     at: str
     why: str
@@ -68,7 +58,7 @@ class ReportLoss(TypedDict):
 class ReportEnd(TypedDict):
     """A vehicle that is not at home."""
 
-    place_m: Place
+    place_m: flight_record.Place
     """Last reported position."""
     state: str
 
@@ -77,8 +67,8 @@ class ReportVehicle(TypedDict):
     """A vehicle on a report's map."""
 
     name: str
-    pad_m: Place
-    flown_m: list[list[Place]]
+    pad_m: flight_record.Place
+    flown_m: list[list[flight_record.Place]]
     """Track in pieces, split where nothing was received."""
     lost: ReportLoss | None
     end: ReportEnd | None
@@ -88,7 +78,7 @@ class ReportRoute(TypedDict):
     """A route of a plan."""
 
     vehicle: str
-    way_m: list[Place]
+    way_m: list[flight_record.Place]
 
 
 class ReportPlan(TypedDict):
@@ -104,15 +94,7 @@ class ReportPlace(TypedDict):
     kind: str
     """Kind: base or alternate."""
     name: str
-    place_m: Place
-
-
-class ReportArea(TypedDict):
-    """What flights keep out of."""
-
-    name: str
-    limit: bool
-    outlines_m: list[list[Place]]
+    place_m: flight_record.Place
 
 
 class ReportFrame(TypedDict):
@@ -127,13 +109,15 @@ class ReportMap(TypedDict):
 
     frame: ReportFrame | None
     segments: list[ReportSegment]
-    areas: list[ReportArea]
+    areas: list[PageArea]
     places: list[ReportPlace]
     vehicles: list[ReportVehicle]
     plans: list[ReportPlan]
 
 
-def build_report_map(record: FlightRecord, report: FlightReport, ground: SiteModel | None = None) -> ReportMap:
+def build_report_map(
+    record: flight_record.FlightRecord, report: FlightReport, ground: SiteModel | None = None
+) -> ReportMap:
     """Return what the map shows.
 
     Args:
@@ -146,23 +130,16 @@ def build_report_map(record: FlightRecord, report: FlightReport, ground: SiteMod
     return ReportMap(
         frame=None if frame is None else ReportFrame(lat_deg=frame.lat_deg, lon_deg=frame.lon_deg),
         segments=[*_list_flown(record, report), *(() if ground is None else _list_others(record, ground))],
-        areas=[
-            ReportArea(
-                name=area.name,
-                limit=area.kind is AreaKind.HEIGHT_LIMIT,
-                outlines_m=[[_round_place(*place) for place in ring] for ring in area.polygons_m()],
-            )
-            for area in record.areas
-        ],
+        areas=list_page_areas(record.areas),
         places=[] if ground is None else list(_list_places(ground)),
         vehicles=[_build_vehicle(vehicle, rows.get(vehicle.name)) for vehicle in record.vehicles],
         plans=[_build_plan(revision) for revision in record.revisions],
     )
 
 
-def _list_flown(record: FlightRecord, report: FlightReport) -> Iterator[ReportSegment]:
+def _list_flown(record: flight_record.FlightRecord, report: FlightReport) -> Iterator[ReportSegment]:
     planned = {segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments}
-    left = {segment.id for segment, _ in find_abandoned_segments(record)}
+    left = {segment.id for segment, _ in flight_record.find_abandoned_segments(record)}
     inferred, missed = set(report.inferred), {row.segment for row in report.seen if row.state == "not seen"}
     for one in record.segments:
         state = "done" if one.inspected_by is not None else "missed" if one.id in missed else "left-over"
@@ -171,14 +148,14 @@ def _list_flown(record: FlightRecord, report: FlightReport) -> Iterator[ReportSe
         )
 
 
-def _list_others(record: FlightRecord, ground: SiteModel) -> Iterator[ReportSegment]:
+def _list_others(record: flight_record.FlightRecord, ground: SiteModel) -> Iterator[ReportSegment]:
     """Yield what the flight did not go for."""
     flown = {segment.id for segment in record.segments}
     never = {one.segment for one in ground.setup.unreachable} - ground.left_out
     for number, (a_m, b_m) in enumerate(ground.network.ends_m.tolist()):
         if number not in flown:
             name = ground.network.segment_name(number)
-            one = SegmentRecord(number, tuple(a_m), tuple(b_m), None, None, name)
+            one = flight_record.SegmentRecord(number, tuple(a_m), tuple(b_m), None, None, name)
             yield _build_segment(one, "unreachable" if number in never else "left-out")
 
 
@@ -186,16 +163,16 @@ def _list_places(ground: SiteModel) -> Iterator[ReportPlace]:
     alternates = (one for one in ground.site.place if one.kind == "alternate")
     for kind, places in (("base", ground.site.base), ("alternate", alternates)):
         for one in places:
-            place_m = _round_place(*ground.network.frame.to_local_m(one.lat_deg, one.lon_deg))
+            place_m = round_place(ground.network.frame.to_local_m(one.lat_deg, one.lon_deg))
             yield ReportPlace(kind=kind, name=one.name, place_m=place_m)
 
 
 def _build_segment(
-    one: SegmentRecord, state: str, planned: str | None = None, *, taken_over: bool = False
+    one: flight_record.SegmentRecord, state: str, planned: str | None = None, *, taken_over: bool = False
 ) -> ReportSegment:
     return ReportSegment(
         name=one.display_name,
-        ends_m=(_round_place(*one.a_m), _round_place(*one.b_m)),
+        ends_m=(round_place(one.a_m), round_place(one.b_m)),
         state=state,
         by=one.inspected_by,
         at="" if one.inspected_s is None else formatting.format_flight_time(one.inspected_s),
@@ -204,55 +181,51 @@ def _build_segment(
     )
 
 
-def _build_vehicle(vehicle: VehicleRecord, row: VehicleRow | None) -> ReportVehicle:
+def _build_vehicle(vehicle: flight_record.VehicleRecord, row: VehicleRow | None) -> ReportVehicle:
     lost, end = None, None
     fault, track_m = vehicle.fault, vehicle.track[:, 1:3].tolist()
-    at = None if fault is None else find_last_row(vehicle, fault.detected_s)
+    at = None if fault is None else flight_record.find_last_row(vehicle, fault.detected_s)
     if fault is not None and at is not None:
         when = formatting.format_flight_time(fault.detected_s)
-        lost = ReportLoss(place_m=_round_place(*track_m[at]), at=when, why=fault.reason)
+        lost = ReportLoss(place_m=round_place(track_m[at]), at=when, why=fault.reason)
     is_out = row is not None and not row.landed and row.state not in {"", "ground"}
     if row is not None and is_out and track_m and (at is None or math.dist(track_m[at], track_m[-1]) > APART_M):
-        end = ReportEnd(place_m=_round_place(*track_m[-1]), state=row.state)
+        end = ReportEnd(place_m=round_place(track_m[-1]), state=row.state)
     return ReportVehicle(
         name=vehicle.name,
-        pad_m=_round_place(*vehicle.pad_m),
+        pad_m=round_place(vehicle.pad_m),
         flown_m=list(_thin_track(vehicle.track)),
         lost=lost,
         end=end,
     )
 
 
-def _thin_track(track: FloatArray) -> Iterator[list[Place]]:
+def _thin_track(track: FloatArray) -> Iterator[list[flight_record.Place]]:
     """Yield a (n, 4) track in the pieces that were heard, without points that nobody sees."""
-    cuts = np.flatnonzero(np.diff(track[:, 0]) > GAP_S) + 1
+    cuts = np.flatnonzero(np.diff(track[:, 0]) > flight_record.GAP_S) + 1
     for piece in np.split(track[:, 1:3], cuts):
-        kept: list[Place] = []
+        kept: list[flight_record.Place] = []
         for place in piece.tolist():
             if not kept or math.dist(kept[-1], place) >= STEP_M:
-                kept.append(_round_place(*place))
+                kept.append(round_place(place))
         if len(kept) > 1:
             yield kept
 
 
-def _build_plan(revision: PlanRevision) -> ReportPlan:
+def _build_plan(revision: flight_record.PlanRevision) -> ReportPlan:
     at = formatting.format_flight_time(revision.decided_s)
     return ReportPlan(
         name="first plan" if revision.number == 0 else f"re-plan {revision.number}, {at}",
         routes=[
-            ReportRoute(vehicle=route.vehicle, way_m=[_round_place(*place) for place in _list_way(route)])
+            ReportRoute(vehicle=route.vehicle, way_m=[round_place(place) for place in _list_way(route)])
             for route in revision.routes
         ],
     )
 
 
-def _list_way(route: PlannedRoute) -> Iterator[Place]:
+def _list_way(route: flight_record.PlannedRoute) -> Iterator[flight_record.Place]:
     """Yield everything that a route leads through, in its order."""
     for index, place in enumerate(route.way_m):
         yield place
         if index % 2 == 0 and index // 2 < len(route.turns_m):
             yield from route.turns_m[index // 2]
-
-
-def _round_place(east_m: float, north_m: float) -> Place:
-    return round(east_m, 1), round(north_m, 1)

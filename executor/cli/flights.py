@@ -76,7 +76,8 @@ def demo(
     faults = fault if fault is not None else [simulated_fleet.USUAL_LOSS if usual else simulated_fleet.OTHER_LOSS]
     site = check_site(content, "demo")
     ground = site_model.load_site_model(site, Path())
-    simulated_fleet.check_faults(ground, faults)
+    # What is wrong with a fault is said before anything is started.
+    simulated_fleet.fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=1.0, failsafe=True)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
     wanted = replace(options.build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
@@ -109,28 +110,24 @@ def simulate(
     failsafe: Annotated[
         bool,
         typer.Option(
-            "--failsafe",
-            help="GCS failsafe on the vehicles: RTL when GCS heartbeats stop. Without it they continue.",
+            "--failsafe", help="GCS failsafe on the vehicles: RTL when GCS heartbeats stop. Without it they continue."
         ),
     ] = False,
     cards: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write what the site's cameras take there, as JPEGs with EXIF."),
+        Path | None, typer.Option(metavar="DIR", help="Write what the site's cameras take there, as JPEGs with EXIF.")
     ] = None,
     radio: options.RadioOption = "",
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
-    from executor.simulated.simulated_fleet import SimulationOutputs, run_simulation
-
     plan_inputs.check_can_write(truth)
     if cards is not None:
         require_extra(Extra.IMAGES, "--cards")
     content = read_site(site)
     ground = site_model.load_site_model(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
-    run_simulation(
-        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, outputs=SimulationOutputs(truth, cards),
-        failsafe=failsafe, key=read_signing_key(content, site.parent), radio=radio,
+    simulated_fleet.run_simulation(
+        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, cards=cards, failsafe=failsafe,
+        key=read_signing_key(content, site.parent), radio=radio,
     )  # fmt: skip
 
 
@@ -164,7 +161,7 @@ def fly(
     wanted = planning.build_request()
     console = TerminalConsole(quiet=as_json or quiet, yes=yes, on_page=on_page)
     made = _PreparedSite(site, learned, after, console)
-    if on_page and not made.is_on_page:
+    if on_page and not made.content.web.enabled:
         raise SiteError(f"--on-page: expected [web] enabled in {site}, where the page is switched off")
     day, routes = plan_inputs.select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
     _fly_and_finish(made.build_flight_request(routes, run, day), console, as_json=as_json)
@@ -207,21 +204,16 @@ class _PreparedSite:
 
     def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
         check_can_fly(site)
-        self._base, self._content = site.parent, read_site(site)
-        check_backends(self._content)
-        self.ground = plan_inputs.load_site_with_learned(self._content, self._base, learned, console)
-        self._mqtt = read_mqtt_settings(self._content.mqtt, self._base, str(site))
+        self._base, self.content = site.parent, read_site(site)
+        check_backends(self.content)
+        self.ground = plan_inputs.load_site_with_learned(self.content, self._base, learned, console)
+        self._mqtt = read_mqtt_settings(self.content.mqtt, self._base, str(site))
         self._below = view_for(self.ground, self._base)
         self._after = after
 
-    @property
-    def is_on_page(self) -> bool:
-        """Whether its flight has a page."""
-        return self._content.web.enabled
-
     def build_flight_request(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> FlightRequest:
         return FlightRequest(
-            self._content, self._base, self.ground, routes, create_run_directory(run), lambda _: (), self._mqtt,
+            self.content, self._base, self.ground, routes, create_run_directory(run), lambda _: (), self._mqtt,
             self._below, day, () if self._after is None else read_earlier_flights(self._after),
         )  # fmt: skip
 
@@ -274,10 +266,8 @@ def preflight(
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     lines = ["ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}"]
-    rows = [CheckRow.build_from(check).to_plain() for check in found]
-    plan_inputs.print_result(lambda: {"ready": not stops, "checks": rows}, () if quiet else lines, as_json=as_json)
-    if stops:
-        raise typer.Exit(ANSWER_IS_NO)
+    document = {"ready": not stops, "checks": [CheckRow.build_from(check).to_plain() for check in found]}
+    plan_inputs.print_result(lambda: document, () if quiet else lines, as_json=as_json, answer_is_no=bool(stops))
 
 
 def resume(
@@ -431,6 +421,5 @@ def _finish(
         ]
     what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
     line = f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored"
-    plan_inputs.print_result(lambda: {"restored": stay == 0, **rows}, [] if quiet else [line], as_json=as_json)
-    if stay:
-        raise typer.Exit(ANSWER_IS_NO)
+    lines = [] if quiet else [line]
+    plan_inputs.print_result(lambda: {"restored": not stay, **rows}, lines, as_json=as_json, answer_is_no=stay > 0)

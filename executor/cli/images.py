@@ -11,7 +11,6 @@ import typer
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
-from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import JsonOption, QuietOption
 from executor.cli.plan_inputs import print_result
 from executor.errors import LogError
@@ -56,9 +55,7 @@ def images(
     matching.write_assets_page(RunDirectory(run).assets, index, found)
     matching.add_pictures_to_report(RunDirectory(run).page, index, found)
     lines = () if quiet else _describe_matching(found, placed, len(index.images))
-    print_result(lambda: _build_document(found, placed), lines, as_json=as_json)
-    if not found.is_complete:
-        raise typer.Exit(ANSWER_IS_NO)
+    print_result(lambda: _build_document(found, placed), lines, as_json=as_json, answer_is_no=not found.is_complete)
 
 
 def _write_places(matches: Sequence[matching.FileMatch], write: PlaceDestination) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +17,7 @@ from rich.text import Text
 
 import missions
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
-from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, is_option_given, write_named_file
+from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, refuse_options, write_named_file
 from executor.core import formatting
 from executor.core.formatting import command_line
 from executor.errors import SiteError
@@ -167,14 +167,17 @@ def network(
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
     check_can_write(output)
     check_can_draw("--picture", picture)
-    ground = _load_site(Path(file), asked) if Path(file).suffix == ".toml" else None
-    if ground is None:
+    ground = None
+    if Path(file).suffix == ".toml":
+        path, names = Path(file), (one.name for one in fields(NetworkOptions))
+        refuse_options(asked, names, f"none beside {path}, which says how it is read")
+        ground = site_model.load_site_model(read_site(path), path.parent)
+        understood = site_model.import_site_network(ground.site.network, ground.site.depot, path.parent)
+    else:
         path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
         understood = missions.import_network(
             path, options.build_selection(), depot=options.place, radius_m=options.radius, anywhere=True
         )
-    else:
-        understood = site_model.import_site_network(ground.site.network, ground.site.depot, Path(file).parent)
     document = missions.build_network_document(understood, None if ground is None else _collect_choices(ground))
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
     write_named_file(output, lambda path: write_whole(path, f"{text}\n".encode()))
@@ -185,13 +188,6 @@ def network(
         _show(understood)
         for line in () if ground is None else describe_site_choices(ground):
             print(formatting.escape_controls(line))
-
-
-def _load_site(file: Path, asked: typer.Context) -> site_model.SiteModel:
-    for one in fields(NetworkOptions):
-        if is_option_given(asked, one.name):
-            raise SiteError(f"--{one.name.replace('_', '-')}: expected none beside {file}, which says how it is read")
-    return site_model.load_site_model(read_site(file), file.parent)
 
 
 def _collect_choices(ground: site_model.SiteModel) -> dict[int, dict[str, object]]:
@@ -243,7 +239,7 @@ def _build_document(understood: missions.NetworkImport) -> dict[str, object]:
         "format": understood.format,
         "crs": understood.crs,
         "depot": {"lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": alt_m} if understood.has_depot else None,
-        "lines": [{key: getattr(row, key) for key in LineRow.__slots__} for row in build_line_rows(understood)],
+        "lines": [asdict(row) for row in build_line_rows(understood)],
         "segments": len(network.segments),
         "pylons": len(network.pylons),
         "length_m": float(network.lengths_m.sum()),

@@ -94,8 +94,7 @@ PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file,
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print only the result, and questions that need an answer.")]
 CostOption = Annotated[
-    Cost,
-    typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
+    Cost, typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both.")
 ]
 SecondsOption = Annotated[float, number_option("Time limit of the solver, in seconds.", 0.01, MOST_SECONDS)]
 SeedOption = Annotated[

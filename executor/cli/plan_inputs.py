@@ -24,7 +24,7 @@ from executor.flight.next_flight import read_segments_left, select_next_day
 from executor.site import day_plans, plan_summary, site_model, site_planning
 from executor.site.campaigns import CampaignRunner, open_campaign_runner
 from executor.site.day_plans import build_day_problem, list_spares, name_sortie_rounds, solve_day
-from executor.site.learned_files import describe_learned, read_learned
+from executor.site.learned_files import LearnedDocument, describe_learned
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
@@ -50,7 +50,7 @@ def load_site_with_learned(
     if learned is None:
         return site_model.load_site_model(site, base)
     path = RunDirectory(learned).learned
-    document, drone = read_learned(path), site_model.drone_of(site).name
+    document, drone = LearnedDocument.read(path), site_model.drone_of(site).name
     rows, known = {row.name: row for row in document.vehicles}, {}
     for vehicle in site.vehicle:
         row = rows.get(vehicle.name)
@@ -96,9 +96,9 @@ def select_flown_plan(
         left = None if after is None else read_segments_left(after, ground)
         return None, plan_and_report(ground, console, wanted, left)
     day = missions.read_day_plan(plan) if missions.is_day_plan(plan) else None
-    for name in PLANNING if day is not None else (*PLANNING, "after"):
-        if is_option_given(asked, name):
-            raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
+    refuse_options(
+        asked, PLANNING if day is not None else (*PLANNING, "after"), "none beside --plan, which is flown as it is"
+    )
     words = "the plan" if day is None else "the day"
     if day is not None and after is not None:
         day, words = _select_next_day(day, ground, console, asked, after)
@@ -127,6 +127,13 @@ def is_option_given(asked: typer.Context, name: str) -> bool:
     """Return whether an option of a command was given, and is not its default."""
     source = asked.get_parameter_source(name)
     return source is not None and source.name != "DEFAULT"
+
+
+def refuse_options(asked: typer.Context, names: Iterable[str], expected: str) -> None:
+    """Let nobody give some options of a command where they say nothing."""
+    for name in names:
+        if is_option_given(asked, name):
+            raise SiteError(f"--{name.replace('_', '-')}: expected {expected}")
 
 
 def plan_and_report(
@@ -197,10 +204,14 @@ def draw_named_file(path: Path | None, draw: Callable[[Any], Any]) -> None:
         write_named_file(path, partial(pictures.save_figure, draw(pictures)))
 
 
-def print_result(document: Callable[[], object], lines: Iterable[str], *, as_json: bool) -> None:
-    """Print what a command found: its document, or its lines for people."""
+def print_result(
+    document: Callable[[], object], lines: Iterable[str], *, as_json: bool, answer_is_no: bool = False
+) -> None:
+    """Print what a command found: its document, or its lines for people; it may end the command."""
     for line in [json_text(document())] if as_json else lines:
         print(line)
+    if answer_is_no:
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def check_can_draw(option: str, path: Path | None) -> None:
@@ -317,9 +328,7 @@ def plan_day(
     def document() -> dict[str, object]:
         return build_day_document(content, spares, shares, mtbf_h) | heights.to_json()
 
-    print_result(document, lines, as_json=as_json)
-    if content.uncovered or content.unreachable:
-        raise typer.Exit(ANSWER_IS_NO)
+    print_result(document, lines, as_json=as_json, answer_is_no=bool(content.uncovered or content.unreachable))
 
 
 def plan_day_and_report(

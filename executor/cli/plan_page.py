@@ -40,8 +40,7 @@ def open_page(
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for a free one.")] = 0,
     token_env: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Environment variable with the token that browsers must show."),
+        str | None, typer.Option(metavar="NAME", help="Environment variable with the token that browsers must show.")
     ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address only.")] = False,
 ) -> None:

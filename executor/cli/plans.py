@@ -140,13 +140,10 @@ ONLY_BY_LOSSES = ("dask", "jobs")
 
 
 def _check_options_fit(asked: typer.Context, *, day: bool) -> None:
-    for name in NOT_BY_DAY if day else ONLY_BY_DAY:
-        if plan_inputs.is_option_given(asked, name):
-            beside = "none beside --day" if day else "--day beside it"
-            raise SiteError(f"--{name.replace('_', '-')}: expected {beside}")
-    for name in ONLY_BY_LOSSES:
-        if plan_inputs.is_option_given(asked, name) and not plan_inputs.is_option_given(asked, "mtbf_hours"):
-            raise SiteError(f"--{name}: expected --mtbf-hours beside it")
+    beside = "none beside --day" if day else "--day beside it"
+    plan_inputs.refuse_options(asked, NOT_BY_DAY if day else ONLY_BY_DAY, beside)
+    if not plan_inputs.is_option_given(asked, "mtbf_hours"):
+        plan_inputs.refuse_options(asked, ONLY_BY_LOSSES, "--mtbf-hours beside it")
 
 
 def _plan_front(
@@ -197,11 +194,10 @@ def _describe_trade(name: str, content: missions.PlanFile) -> str:
 def check(plan: options.PlanArgument, as_json: options.JsonOption = False) -> None:
     """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
     wrong = missions.check_plan(missions.read_any_plan(plan))
+    lines = wrong or ["every figure is right"]
     plan_inputs.print_result(
-        lambda: {"ok": not wrong, "wrong": wrong}, wrong or ["every figure is right"], as_json=as_json
+        lambda: {"ok": not wrong, "wrong": wrong}, lines, as_json=as_json, answer_is_no=bool(wrong)
     )
-    if wrong:
-        raise typer.Exit(ANSWER_IS_NO)
 
 
 def window(
@@ -270,9 +266,7 @@ def replan(
     known = missions.read_any_plan(plan)
     content: missions.PlanFile | missions.DayPlanFile
     if isinstance(known, missions.DayPlanFile):
-        for name in ("cost", "seconds"):
-            if plan_inputs.is_option_given(asked, name):
-                raise SiteError(f"--{name}: expected none for a plan of days")
+        plan_inputs.refuse_options(asked, ("cost", "seconds"), "none for a plan of days")
         content, is_feasible = preview_day_loss(known, lost, at, seed=seed)
     else:
         content, is_feasible = site_planning.preview_loss(known, lost, at, cost=cost, seconds=seconds, seed=seed)

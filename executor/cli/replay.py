@@ -13,7 +13,6 @@ from pydantic import TypeAdapter
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
-from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import JsonOption
 from executor.cli.plan_inputs import print_result, write_named_file
 from executor.core.interface.messages import Actor
@@ -23,7 +22,7 @@ from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_l
 from executor.replay.open_log import is_log, open_log
 from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
 from executor.replay.run_replay import RunReplay, replay_run
-from executor.site.learned_files import PacksDocument, read_packs
+from executor.site.learned_files import PacksDocument
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
 from missions.files import json_text, write_whole
@@ -79,15 +78,14 @@ def replay_logs(
     history = None if packs is None else _update_packs(done, packs, known)
     lines = [line for one in done for line in _describe(one)]
     lines += [] if history is None else format_pack_lines(history)
-    print_result(lambda: build_replay_document(done), lines, as_json=as_json)
     differs = any(isinstance(one, RunReplay) and not one.comparison.is_same for one in done)
-    if differs or not any(one.vehicles for one in done):
-        raise typer.Exit(ANSWER_IS_NO)
+    is_no = differs or not any(one.vehicles for one in done)
+    print_result(lambda: build_replay_document(done), lines, as_json=as_json, answer_is_no=is_no)
 
 
 def _update_packs(done: Sequence[LogReplay], path: Path, site: Site | None) -> PacksDocument:
     """Add what the flights say of their packs to a file, and return all that stands in it."""
-    known = merge_packs((), read_packs(path) if path.exists() else None)
+    known = merge_packs((), PacksDocument.read(path) if path.exists() else None)
     for one in done:
         run = RunDirectory(one.path)
         own = read_site(run.site) if site is None and run.site.exists() else site

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import FlightReport, read_earlier_flights, read_report
+from executor.analysis.documents import FlightReport, read_earlier_flights
 from executor.core.formatting import command_line, format_count
 from executor.errors import LogError
 from executor.site import site_model, site_planning
@@ -26,7 +26,7 @@ def read_segments_left(run: Path, ground: SiteModel) -> tuple[int, ...]:
         LogError: there is no report yet, or nothing is left over.
         MissionsError: the flight's network is not the site's.
     """
-    report = read_report(run)
+    report = FlightReport.read(RunDirectory(run).report)
     if not set(report.segments_uncovered) - ground.left_out:
         but = " but what the site leaves out" if report.segments_uncovered else ""
         raise LogError(f"{RunDirectory(run).report}: segments_uncovered: nothing is left over{but}")

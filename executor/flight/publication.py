@@ -165,7 +165,8 @@ async def serve_page(
     if not table.enabled:
         yield
         return
-    from executor.adapters.web import WebServer, WebSettings
+    from executor.adapters.web.page_server import WebSettings
+    from executor.adapters.web.server import WebServer
 
     loop = asyncio.get_running_loop()
 

@@ -62,6 +62,7 @@ class _ParameterRow(_Row):
 
 
 class _ParameterFile(Document):
+    expected = "what was changed on board"
     format: Literal["faultline-parameters/1"]
     parameters: tuple[_ParameterRow, ...]
 
@@ -91,6 +92,7 @@ class _ListRow(_Row):
 
 
 class _ListFile(Document):
+    expected = "fences and rally points that were replaced on board"
     format: Literal["faultline-fences/1"]
     lists: tuple[_ListRow, ...]
 
@@ -104,7 +106,7 @@ def _build_rows(items: Items) -> tuple[_Item, ...]:
 
 
 def _parse_parameters(path: Path) -> tuple[KeptParameter, ...]:
-    rows = _ParameterFile.read(path, "what was changed on board").parameters
+    rows = _ParameterFile.read(path).parameters
     return tuple(KeptParameter(**{**row.model_dump(exclude={"state"}), "stage": row.state}) for row in rows)
 
 
@@ -115,7 +117,7 @@ def _build_parameter_file(kept: Iterable[KeptParameter]) -> Document:
 
 def _parse_lists(path: Path) -> tuple[KeptList, ...]:
     made = []
-    for row in _ListFile.read(path, "fences and rally points that were replaced on board").lists:
+    for row in _ListFile.read(path).lists:
         *earlier, new = (_parse_items(one) for one in row.new)
         about = (row.vehicle, row.sysid, row.autopilot, row.list)
         made.append(KeptList(*about, _parse_items(row.old), new, stage=row.state, earlier=tuple(earlier)))
@@ -256,7 +258,7 @@ async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, 
 async def _put_parameter_back(link: Link, clock: Clock, change: KeptParameter) -> str:
     if change.name == UNASKED:
         off = dialect_for(change.autopilot).unasked_hz
-        return await procedures.send_to_streams(link, clock, off, vehicle_commands.reset_message)
+        return await procedures.set_streams(link, clock, off, vehicle_commands.UNASKED_US)
     await procedures.set_parameter(link, clock, change.name, change.old, change.kind)
     return ""  # what is read in the next round tells
 

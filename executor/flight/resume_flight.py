@@ -184,7 +184,7 @@ def finish_report(run: Path, left: InterruptedRun) -> documents.FlightReport | N
     if not left.state.progress.finished:
         return None
     with suppress(LogError):
-        return documents.read_report(run)
+        return documents.FlightReport.read(RunDirectory(run).report)
     # It died between the end of the flight and its report.
     parameters = build_parameter_rows(PARAMETERS.read(run))
     report = build_report(
@@ -303,5 +303,5 @@ def _note_undone_command(log: eventlog.EventLog, command: Command, at_s: float) 
 
 def _read_preflight_record(run: Path) -> documents.AskedVehicles:
     with suppress(LogError):
-        return documents.read_vehicle_answers(run)
+        return documents.AskedVehicles.read(RunDirectory(run).vehicles)
     return NOTHING_SAID

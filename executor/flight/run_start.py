@@ -18,7 +18,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.mqtt.intent_intake import IntakeRules
 from executor.adapters.mqtt.topics import BrokerAddress, MqttTopics
 from executor.adapters.run_directory import RunDirectory, today
-from executor.analysis.documents import AskedVehicle, EarlierRow, read_flown_day_plan, read_vehicle_answers
+from executor.analysis.documents import AskedVehicle, AskedVehicles, EarlierRow, read_flown_day_plan
 from executor.analysis.report import InjectedFault
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -32,7 +32,7 @@ from executor.core.state.vehicle_state import build_onboard_mission
 from executor.errors import SiteError
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, view_for, write_ground
-from executor.site.learned_files import build_learned_document, read_learned
+from executor.site.learned_files import LearnedDocument, build_learned_document
 from executor.site.mqtt_and_web_keys import MqttTable
 from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
@@ -248,7 +248,7 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, missions.PlanFi
         MissionsError: the first plan, or the network, cannot be used.
     """
     kept = RunDirectory(run)
-    learned = read_learned(kept.learned_before).known_by_name if kept.learned_before.exists() else {}
+    learned = LearnedDocument.read(kept.learned_before).known_by_name if kept.learned_before.exists() else {}
     ground = site_model.load_site_model(read_site(kept.site), run, learned)
     plan = missions.read_plan(kept.plan_path(0))
     check_plan_belongs(plan, ground, str(kept.plan_path(0)))
@@ -257,7 +257,7 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, missions.PlanFi
 
 def build_run_start(run: Path, ground: site_model.SiteModel, plan: missions.PlanFile) -> RunStart:
     """Return what a flight began with, as `read_run_start`."""
-    answers = read_vehicle_answers(run)
+    answers = AskedVehicles.read(RunDirectory(run).vehicles)
     rows = {row.name: row for row in answers.vehicles}
     pads = _build_pads(rows, ground.names)
     setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))

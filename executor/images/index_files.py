@@ -199,9 +199,7 @@ def build_geojson(index: ImageIndex) -> dict[str, object]:
     """Return pictures as points and assets as lines."""
     points = [
         _build_feature(
-            "Point",
-            [row.lon_deg, row.lat_deg, row.alt_msl_m],
-            {"kind": "image", "time": row.time_iso, **dict(row)},
+            "Point", [row.lon_deg, row.lat_deg, row.alt_msl_m], {"kind": "image", "time": row.time_iso, **dict(row)}
         )
         for row in index.images
     ]

@@ -14,7 +14,7 @@ from typing import Any
 
 from executor.adapters.interrupts import end_program
 from executor.adapters.run_directory import RunDirectory, hold_lock, name_run
-from executor.analysis.documents import FlightReport, read_report
+from executor.analysis.documents import FlightReport
 from executor.core.formatting import command_line
 from executor.errors import LogError, SiteError
 
@@ -99,7 +99,7 @@ def list_flights(folder: Path) -> Iterator[dict[str, Any]]:
         if not RunDirectory(run).events.exists():
             continue
         try:
-            report: FlightReport | None = read_report(run)
+            report: FlightReport | None = FlightReport.read(RunDirectory(run).report)
         except LogError:
             report = None
         yield {

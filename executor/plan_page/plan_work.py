@@ -15,26 +15,10 @@ import missions
 import planner
 from executor.errors import ExecutorError, SiteError
 from executor.flight.next_flight import read_segments_left
-from executor.plan_page.plan_view import (
-    Sortie,
-    describe_plan,
-    describe_vehicles,
-    list_sorties,
-    list_uncovered,
-    summarise,
-)
+from executor.plan_page import plan_view
+from executor.plan_page.site_view import SiteKey, find_site_key, read_site_model
 from executor.plan_page.worker import report_progress
-from executor.plan_page.worker_site import SiteKey, find_site_key, read_site_model
-from executor.site import site_model, site_planning
-from executor.site.day_plans import (
-    PricedDays,
-    build_day_problem,
-    build_first_sorties_plan,
-    list_spares,
-    preview_day_loss,
-    price_days,
-    solve_day,
-)
+from executor.site import day_plans, site_model, site_planning
 from executor.site.plan_summary import compute_planned_heights
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import DEFAULT, PlanRequest, to_plan_window
@@ -136,7 +120,9 @@ def make_plans(
 
 
 def _plan_day(ground: SiteModel, wanted: PlanRequest, told: Any, left: Iterable[int] | None) -> DayPlanFile:  # noqa: ANN401
-    content = solve_day(build_day_problem(ground, left), wanted, list_spares(ground), told)
+    content = day_plans.solve_day(
+        day_plans.build_day_problem(ground, left), wanted, day_plans.list_spares(ground), told
+    )
     for line in missions.check_plan(content):
         raise SiteError(f"the day plan is invalid: {line}")
     if content.uncovered or not content.routes:
@@ -159,7 +145,7 @@ def keep_plan(plan: PlanFile | DayPlanFile, into: Path) -> MadePlan:
         draft.replace(into / f"{name}.json")
     except OSError as error:
         raise SiteError(f"{draft}: cannot be written: {error.strerror}") from error
-    return MadePlan(name, summarise(plan))
+    return MadePlan(name, plan_view.summarise(plan))
 
 
 def name_plan(content: bytes) -> str:
@@ -182,7 +168,7 @@ def summarise_plans(paths: Sequence[Path]) -> dict[str, Mapping[str, Any]]:
     found = dict[str, Mapping[str, Any]]()
     for path in paths:
         try:
-            found[path.stem] = summarise(read_kept_plan(path))
+            found[path.stem] = plan_view.summarise(read_kept_plan(path))
         except missions.MissionsError:
             continue
     return found
@@ -193,7 +179,7 @@ def is_stale(text: str, folder: Path, path: Path) -> bool:
     try:
         plan, ground = read_kept_plan(path), read_site_model(text, folder)
         if isinstance(plan, DayPlanFile):
-            build_first_sorties_plan(plan, ground)
+            day_plans.build_first_sorties_plan(plan, ground)
         else:
             site_planning.check_plan_fits(plan, ground, str(path))
     except (missions.MissionsError, ExecutorError):
@@ -208,7 +194,7 @@ def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
         MissionsError: it cannot be used, or is another site's.
         ExecutorError: the site cannot be used, or the plan cannot be flown there.
     """
-    return describe_plan(read_kept_plan(path), read_site_model(text, folder))
+    return plan_view.describe_plan(read_kept_plan(path), read_site_model(text, folder))
 
 
 def prepare_answers(text: str, folder: Path, path: Path) -> None:
@@ -216,7 +202,7 @@ def prepare_answers(text: str, folder: Path, path: Path) -> None:
     plan = read_kept_plan(path)
     if isinstance(plan, DayPlanFile):
         if len(plan.segments) <= TABLES_UP_TO:  # of more all moves are gigabytes: only if somebody asks
-            preview_day_loss(plan, plan.names[0], 0.0, seed=1, priced=_price_days(path))
+            day_plans.preview_day_loss(plan, plan.names[0], 0.0, seed=1, priced=_price_days(path))
         return
     _build_task(path)
     _build_site_task(find_site_key(text, folder), path, frozenset())
@@ -233,8 +219,8 @@ def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> 
     plan, ground = read_kept_plan(path), read_site_model(text, folder)
     content: PlanFile | DayPlanFile
     if isinstance(plan, DayPlanFile):
-        content, is_complete = preview_day_loss(plan, lost, at_s, seed=1, priced=_price_days(path))
-        routes = [one for one in list_sorties(content) if one.vehicle != lost]
+        content, is_complete = day_plans.preview_day_loss(plan, lost, at_s, seed=1, priced=_price_days(path))
+        routes = [one for one in plan_view.list_sorties(content) if one.vehicle != lost]
     else:
         task = _build_task(path)
         content, is_complete = site_planning.preview_loss(
@@ -247,14 +233,14 @@ def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> 
     was = {visit.segment for one in plan.routes if one.vehicle == lost for visit in one.visits}
     taken = {visit.segment for one in content.routes if one.vehicle != lost for visit in one.visits}
     return {
-        "routes": describe_vehicles(routes, plan, ground),
-        "uncovered": list_uncovered(content),
+        "routes": plan_view.describe_vehicles(routes, plan, ground),
+        "uncovered": plan_view.list_uncovered(content),
         "recovered": len(taken & was),
         "complete": is_complete,
     }
 
 
-def _join_routes(plan: PlanFile, content: PlanFile, left: Sequence[FreeVehicle]) -> Iterator[Sortie]:
+def _join_routes(plan: PlanFile, content: PlanFile, left: Sequence[FreeVehicle]) -> Iterator[plan_view.Sortie]:
     """Yield what each survivor flies: what stands of its route with what is new, or both if it has landed between."""
     ids = [segment.id for segment in plan.segments]
 
@@ -267,10 +253,10 @@ def _join_routes(plan: PlanFile, content: PlanFile, left: Sequence[FreeVehicle])
         new = content.network_routes[name]
         landed = one.finishing is None and bool(one.completed)
         if landed and new:
-            yield Sortie(name, stands)
-            yield Sortie(name, new, one.free_s, 1)
+            yield plan_view.Sortie(name, stands)
+            yield plan_view.Sortie(name, new, one.free_s, 1)
         else:
-            yield Sortie(name, stands + new)
+            yield plan_view.Sortie(name, stands + new)
 
 
 def _read_flight(path: Path) -> PlanFile:
@@ -286,8 +272,8 @@ def _build_task(path: Path) -> missions.Task:
 
 
 @lru_cache(maxsize=2)
-def _price_days(path: Path) -> PricedDays:
-    return price_days(missions.read_day_plan(path))
+def _price_days(path: Path) -> day_plans.PricedDays:
+    return day_plans.price_days(missions.read_day_plan(path))
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,10 +327,10 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
     content = site_planning.build_site_plan_file(ground, task, made, window, solved)
     violations += found.violations
     try:
-        shown = describe_plan(content, ground)
+        shown = plan_view.describe_plan(content, ground)
     except (ExecutorError, missions.MissionsError) as error:
         violations.append(str(error))
-        shown = {"vehicles": [], "uncovered": list_uncovered(content), "lines": []}
+        shown = {"vehicles": [], "uncovered": plan_view.list_uncovered(content), "lines": []}
     kept = keep_plan(content, into)
     return {
         "made": kept, "plan": shown, "violations": violations,

@@ -12,19 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from executor.errors import ExecutorError, SiteError
+from executor.plan_page import plan_work
 from executor.plan_page.plan_store import PlanStore
-from executor.plan_page.plan_work import (
-    Change,
-    PlanSettings,
-    answer_loss,
-    edit_plan_by_hand,
-    is_stale,
-    load_planner,
-    make_plans,
-    prepare_answers,
-    show_plan,
-    summarise_plans,
-)
 from executor.plan_page.worker import WorkCancelled, Worker
 from missions import MissionsError
 from planner import PlannerError
@@ -120,8 +109,8 @@ class Planning:
     async def warm_up(self) -> None:
         """Load what plans and answers need, in both processes."""
         await self.answers.run(abs, 0)  # the site that was opened is read first, with all processors
-        await self.planner.run(load_planner)  # it alone compiles what is new on this computer
-        await self.answers.run(load_planner)  # a network that is dropped meanwhile went ahead
+        await self.planner.run(plan_work.load_planner)  # it alone compiles what is new on this computer
+        await self.answers.run(plan_work.load_planner)  # a network that is dropped meanwhile went ahead
         self.warm = True
         self._changed()
 
@@ -136,11 +125,11 @@ class Planning:
         store = now.plans
         kept = await asyncio.to_thread(store.list_new)
         if kept:
-            store.summaries = {**await self.answers.run(summarise_plans, kept), **store.summaries}
+            store.summaries = {**await self.answers.run(plan_work.summarise_plans, kept), **store.summaries}
         await self.look()
         if store.chosen in store.summaries and store.facts.get(store.chosen) != now.facts:
             path = store.path_of(store.chosen)
-            if not await self.answers.run(is_stale, now.text, now.folder, path):
+            if not await self.answers.run(plan_work.is_stale, now.text, now.folder, path):
                 store.facts[store.chosen] = now.facts
                 await asyncio.to_thread(store.keep_facts)
 
@@ -150,17 +139,17 @@ class Planning:
         if store.chosen not in store.summaries or self._prepared == (store.chosen, now.facts):
             return
         self._prepared = (store.chosen, now.facts)
-        await self.answers.run(prepare_answers, now.text, now.folder, store.path_of(store.chosen))
+        await self.answers.run(plan_work.prepare_answers, now.text, now.folder, store.path_of(store.chosen))
 
     async def look(self) -> None:
         """Take up a chosen plan that another program has written."""
         store = self.store
         path = None if store is None else await asyncio.to_thread(store.take_chosen)
         if store is not None and path is not None:
-            store.summaries |= await self.answers.run(summarise_plans, [path])
+            store.summaries |= await self.answers.run(plan_work.summarise_plans, [path])
             self._changed()
 
-    def start(self, now: SiteNow, wish: PlanSettings, after: Path | None = None) -> Job:
+    def start(self, now: SiteNow, wish: plan_work.PlanSettings, after: Path | None = None) -> Job:
         """Begin to plan; with `after`, a run directory, what its flight left.
 
         Raises:
@@ -199,7 +188,7 @@ class Planning:
             ExecutorError: there is no such plan, or the site cannot be used.
             MissionsError: the plan is another site's.
         """
-        shown = await self.answers.run(show_plan, now.text, now.folder, now.plans.path_of(name))
+        shown = await self.answers.run(plan_work.show_plan, now.text, now.folder, now.plans.path_of(name))
         return {"summary": now.plans.describe(name, now.facts), **shown}
 
     async def preview_loss(self, now: SiteNow, name: str, vehicle: str, at_s: float) -> dict[str, Any]:
@@ -217,10 +206,12 @@ class Planning:
         async with self._answering:
             if mine != self._asked:
                 raise Superseded("a newer question came")
-            found = await self.answers.run(answer_loss, now.text, now.folder, path, vehicle, at_s)
+            found = await self.answers.run(plan_work.answer_loss, now.text, now.folder, path, vehicle, at_s)
         return {**found, "seconds": round(time.monotonic() - began_s, 3)}
 
-    async def change(self, now: SiteNow, name: str, changes: Sequence[Change], *, keep: bool) -> dict[str, Any]:
+    async def change(
+        self, now: SiteNow, name: str, changes: Sequence[plan_work.Change], *, keep: bool
+    ) -> dict[str, Any]:
         """Change a plan by hand; the result is a plan like others, and with `keep` the chosen one.
 
         Raises:
@@ -229,7 +220,7 @@ class Planning:
         """
         store = now.plans
         path = store.path_of(name)
-        found = await self.answers.run(edit_plan_by_hand, now.text, now.folder, path, changes, store.folder)
+        found = await self.answers.run(plan_work.edit_plan_by_hand, now.text, now.folder, path, changes, store.folder)
         made = found.pop("made")
         store.add([made], now.facts)
         if keep:
@@ -265,10 +256,12 @@ class Planning:
             "warm": self.warm,
         }
 
-    async def _run(self, job: Job, now: SiteNow, wish: PlanSettings, after: Path | None) -> None:
+    async def _run(self, job: Job, now: SiteNow, wish: plan_work.PlanSettings, after: Path | None) -> None:
         store = now.plans
         try:
-            made = await self.planner.run(make_plans, now.text, now.folder, wish, store.folder, job.number, after)
+            made = await self.planner.run(
+                plan_work.make_plans, now.text, now.folder, wish, store.folder, job.number, after
+            )
             store.add(made, now.facts)
             job.plans = [one.id for one in made]
             if not wish.front:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
 from pathlib import Path, PurePath
-from typing import Any, BinaryIO, Literal
+from typing import BinaryIO, Literal
 
 import missions
 from executor.errors import SiteError
@@ -16,7 +16,7 @@ from executor.plan_page.site_view import import_network_once
 from executor.site.new_site import render_site_template
 from executor.site.site_keys import NetworkTable
 from executor.site.site_model import DEFAULT_NETWORK
-from missions.files import stamp_file, write_whole
+from missions.files import write_whole
 
 MOST_UPLOAD = 100_000_000
 """Most bytes of an uploaded file."""
@@ -184,15 +184,3 @@ def find_site_of_plan(plan: Path) -> Path:
     if len(named) != 1:
         raise SiteError(f"{plan}: expected its site file beside it, found {len(named)}; open that one instead")
     return named[0]
-
-
-def stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
-    """Return what changes when a file that a site names does."""
-    named: list[object] = []
-    for table, key in (("network", "file"), ("terrain", "files"), ("map", "background"), ("area", "file")):
-        tables = values.get(table)
-        for one in tables if isinstance(tables, list) else [tables]:
-            files = one.get(key) if isinstance(one, dict) else None
-            named += files if isinstance(files, list) else [files]
-    known = [one for one in named if isinstance(one, str)]
-    return [part for one in known if (stamp := stamp_file(folder / one)) is not None for part in (one, *stamp)]

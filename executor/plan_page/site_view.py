@@ -17,8 +17,8 @@ import numpy as np
 from pydantic import ValidationError
 
 import missions
-from executor.errors import ExecutorError
-from executor.plan_page.site_problems import SiteProblem, check_text, describe_error
+from executor.errors import ExecutorError, SiteError
+from executor.plan_page.site_problems import SiteProblem, check_text, describe_error, describe_problem
 from executor.site import site_model, site_parts
 from executor.site.ground_view import encode_ground, view_for
 from executor.site.site_file import Site
@@ -249,3 +249,50 @@ def to_places(frame: LocalFrame, at_m: FloatArray) -> list[Place]:
 
 def _round_place(place: Place) -> Place:
     return round(place[0], FIGURES), round(place[1], FIGURES)
+
+
+def stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
+    """Return what changes when a file that a site names does."""
+    named: list[object] = []
+    for table, key in (("network", "file"), ("terrain", "files"), ("map", "background"), ("area", "file")):
+        tables = values.get(table)
+        for one in tables if isinstance(tables, list) else [tables]:
+            files = one.get(key) if isinstance(one, dict) else None
+            named += files if isinstance(files, list) else [files]
+    known = [one for one in named if isinstance(one, str)]
+    return [part for one in known if (stamp := stamp_file(folder / one)) is not None for part in (one, *stamp)]
+
+
+SiteKey = tuple[str, Path, tuple[object, ...]]
+"""Text of the site file, its folder, and the times of the files that it names."""
+_known: dict[SiteKey, SiteModel] = {}
+"""The last usable site."""
+
+
+def read_site_view(text: str, folder: Path) -> SiteView:
+    """Return what the page shows of a site, and keep the site for what is asked next."""
+    key = find_site_key(text, folder)
+    view, ground = understand_site(text, folder)
+    _known.clear()
+    if ground is not None:
+        _known[key] = ground
+    return view
+
+
+def find_site_key(text: str, folder: Path) -> SiteKey:
+    """Return what is another one whenever the site may be."""
+    return text, folder, tuple(stamp_files(check_text(text)[0], folder))
+
+
+def read_site_model(text: str, folder: Path) -> SiteModel:
+    """Return a site to plan for.
+
+    Raises:
+        SiteError: it cannot be used; the first of its problems.
+    """
+    key = find_site_key(text, folder)
+    if key not in _known:
+        view = read_site_view(text, folder)
+        if key not in _known:
+            raise SiteError(describe_problem(view.problems[0]))
+    return _known[key]

@@ -10,12 +10,7 @@ from executor.adapters.mavlink.endpoints import open_mavlink_links
 from executor.core.interface.connection import Scheme, parse_connection
 from executor.core.interface.messages import Battery, Heartbeat, Message, StatusText, SystemStatus, Version
 from executor.core.interface.ports import LinkRequest
-from executor.core.telemetry.vehicle_identity import (
-    MULTICOPTERS,
-    describe_autopilot,
-    describe_vehicle_type,
-    parse_banner_version,
-)
+from executor.core.telemetry import vehicle_identity
 from executor.errors import ConnectionFailed
 from missions import dialect_for
 
@@ -44,7 +39,7 @@ async def listen_for_vehicle(connection: str, sysid: int, autopilot: str) -> dic
 
     def take(message: Message) -> None:
         if isinstance(message, StatusText):
-            version = parse_banner_version(message.text)
+            version = vehicle_identity.parse_banner_version(message.text)
             heard.update({} if version is None else {Version: version})
         else:
             heard[type(message)] = message
@@ -70,9 +65,9 @@ def _answer(words: str, *, answers: bool) -> dict[str, Any]:
 
 def _describe_vehicle(heard: Mapping[type[Message], Any], autopilot: str) -> str:
     beat, version = heard[Heartbeat], heard.get(Version)
-    parts = [describe_autopilot(beat.autopilot) + ("" if version is None else f" {version}")]
-    if beat.vehicle_type not in MULTICOPTERS:
-        parts.append(describe_vehicle_type(beat.vehicle_type))
+    parts = [vehicle_identity.describe_autopilot(beat.autopilot) + ("" if version is None else f" {version}")]
+    if beat.vehicle_type not in vehicle_identity.MULTICOPTERS:
+        parts.append(vehicle_identity.describe_vehicle_type(beat.vehicle_type))
     for kind in (Battery, SystemStatus):
         left_pct = getattr(heard.get(kind), "remaining_pct", None)
         if left_pct is not None:

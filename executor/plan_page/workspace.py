@@ -19,9 +19,8 @@ from executor.plan_page.plan_store import sum_up_facts
 from executor.plan_page.planning import OURS, Planning, SiteNow
 from executor.plan_page.site_problems import SiteProblem, check_text
 from executor.plan_page.site_store import SiteStore
-from executor.plan_page.site_view import SiteView
+from executor.plan_page.site_view import SiteView, read_site_view, stamp_files
 from executor.plan_page.worker import Worker, make_reader
-from executor.plan_page.worker_site import read_site_view
 from missions.files import json_text
 
 LOOK_S = 2.0
@@ -261,7 +260,7 @@ class Workspace:
         was = (store.saved, store.save_error)
         if await asyncio.to_thread(store.look):
             self._take_change()
-        stamps = await asyncio.to_thread(site_files.stamp_files, self._values, store.path.parent)
+        stamps = await asyncio.to_thread(stamp_files, self._values, store.path.parent)
         if stamps != self._stamps:
             self._stamps = stamps
             self._facts = sum_up_facts(self._values, stamps)
@@ -276,7 +275,7 @@ class Workspace:
         self.planning.open(self.store.path)
         values, _, self._problems = check_text(self.store.history.text)
         self._values = _to_plain(values)
-        self._stamps = site_files.stamp_files(values, self.store.path.parent)
+        self._stamps = stamp_files(values, self.store.path.parent)
         self._facts = sum_up_facts(self._values, self._stamps)
         self._wanted.set()
         self.news.set()

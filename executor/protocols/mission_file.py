@@ -137,7 +137,11 @@ class MissionFileUpload(DialogueMachine):
         closes = len(self.steps) == 1
         if error is not None and not closes:
             if opens or self.is_open:
-                return _handle_refusal(self, error, now_s, opens=opens)
+                if opens and error == FAILED and self.restarts < MOST_RESTARTS:
+                    # It may be a file of ours: opened just now, or left open when the link was lost.
+                    return _restart(self, now_s, _DROP)
+                refusal = f"mission file refused: MAVFTP error {error}"
+                return self._finish(Rejected(refusal, Ending.ERROR)), self._build_farewell()
             if any(map(_is_opening, self.under_way)):
                 return self, ()  # what was to open the file got lost
         trip = self.round_trip if asked.again else self.round_trip.record_round_trip(now_s - asked.at_s)
@@ -163,10 +167,6 @@ class MissionFileUpload(DialogueMachine):
         state = replace(self, under_way=again, round_trip=trip, tries=self.tries + 1)
         return _wait(state), tuple(one.request for one in again if one.at_s == now_s)
 
-    def refuse(self, error: int) -> Self:
-        """Return the state after the vehicle has refused the file, by an error of MAVFTP."""
-        return self._finish(Rejected(f"mission file refused: MAVFTP error {error}", Ending.ERROR))
-
     def _build_farewell(self) -> Sent:
         """Drop what was written, unless the vehicle may have taken it."""
         if not self.is_open or self.is_begun:
@@ -183,13 +183,6 @@ _CHECK = messages.FileRequest(SESSION, FileOperation.CHECKSUM, data=NAME)
 _NO_HEADER = bytes(HEADER.size)
 _DROP: tuple[Step, ...] = ((_write(0, _NO_HEADER),), (_CLOSE,))
 """Closes a file that must not be taken."""
-
-
-def _handle_refusal(state: F, error: int, now_s: float, *, opens: bool) -> tuple[F, Sent]:
-    if opens and error == FAILED and state.restarts < MOST_RESTARTS:
-        # It may be a file of ours: opened just now, or left open when the link was lost.
-        return _restart(state, now_s, _DROP)
-    return state.refuse(error), state.cancel()[1]
 
 
 def pack_items(items: Iterable[MissionItem]) -> bytes:

@@ -56,19 +56,13 @@ def change_speed(speed_m_s: float) -> SendCommand:
     return _build_command(DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)
 
 
-def set_message_interval(message: int, hz: float) -> SendCommand:
-    """Ask for a message at a rate."""
-    return _build_command(SET_MESSAGE_INTERVAL, float(message), 1e6 / hz)
+NEVER_US, UNASKED_US = -1.0, 0.0
+"""Not any more, and as often as without any request."""
 
 
-def stop_message(message: int) -> SendCommand:
-    """Have a message not sent any more."""
-    return _build_command(SET_MESSAGE_INTERVAL, float(message), -1.0)
-
-
-def reset_message(message: int) -> SendCommand:
-    """Have a message sent as often as without any request."""
-    return _build_command(SET_MESSAGE_INTERVAL, float(message), 0.0)
+def set_message_interval(message: int, interval_us: float) -> SendCommand:
+    """Ask for a message every so often."""
+    return _build_command(SET_MESSAGE_INTERVAL, float(message), interval_us)
 
 
 def ask_interval(message: int) -> SendCommand:

@@ -245,11 +245,6 @@ class LearnedAircraft:
     told_capacity_ah: float | None
     """By the autopilot's own parameter."""
 
-    @property
-    def best_capacity_ah(self) -> float | None:
-        """What was found, or else what is set."""
-        return self.told_capacity_ah if self.table.capacity_ah is None else self.table.capacity_ah.mean
-
 
 def learn_from_logs(paths: Sequence[Path]) -> LearnedAircraft:
     """Return what logs say of the vehicle that flies most in them.
@@ -449,7 +444,8 @@ def _format_energy(found: LearnedAircraft, drone: str, base: Drone) -> list[str]
     if found.cells is not None:
         lines.append(f"cells = {found.cells}")
         base = replace(base, cells=found.cells)
-    capacity, learned = found.best_capacity_ah, found.table.capacity_ah
+    learned = found.table.capacity_ah
+    capacity = found.told_capacity_ah if learned is None else learned.mean
     if capacity is None:
         lines.append("# capacity_ah: no counter of charge beside a percentage, and no parameter, was in the logs")
         return lines

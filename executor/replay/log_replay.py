@@ -18,20 +18,8 @@ from executor.core.fault_thresholds import Limits
 from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.link_loss import SLEPT_S
 from executor.core.inflight.faults.passive_watch import DeclaredFault, Degradation, Finding, ObservedModeChange
+from executor.core.interface import messages
 from executor.core.interface.events import Heard, Tick
-from executor.core.interface.messages import (
-    Battery,
-    DoubleHeard,
-    FlightMessage,
-    Heartbeat,
-    ListedItem,
-    MissionCurrent,
-    OwnFailsafe,
-    Position,
-    StatusText,
-    SystemStatus,
-    VehicleSetting,
-)
 from executor.core.interface.recorded_log import Record, RecordedFile, SkippedRecords
 from executor.core.state import legs
 from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
@@ -188,7 +176,7 @@ class FollowedVehicle:
     flown_s: float = 0.0
     beat_s: float | None = None
     """A heartbeat without news since the last tick."""
-    reports: dict[int | None, tuple[float, Battery | SystemStatus]] = field(default_factory=dict)
+    reports: dict[int | None, tuple[float, messages.Battery | messages.SystemStatus]] = field(default_factory=dict)
     """The last of each battery, and of SYS_STATUS, that said something new."""
     mixed_s: float = math.inf
     """Since when two vehicles answer by its name."""
@@ -231,7 +219,7 @@ class FollowedVehicle:
         )
 
 
-def is_known_copter(beat: Heartbeat) -> bool:
+def is_known_copter(beat: messages.Heartbeat) -> bool:
     """Return whether a vehicle can be followed: others have other modes, and no energy model here."""
     return dialect_of(beat.autopilot) is not None and beat.vehicle_type in COPTERS
 
@@ -253,7 +241,7 @@ class _Player:
         self._followed: dict[str, FollowedVehicle] = {}
         self._framed = False
         self._ticked_s = 0.0
-        self._early: dict[int, dict[str | int, VehicleSetting | ListedItem]] = {}
+        self._early: dict[int, dict[str | int, messages.VehicleSetting | messages.ListedItem]] = {}
         """Parameters and items of systems of which no HEARTBEAT came yet."""
 
     def play_record(self, record: Record) -> None:
@@ -271,10 +259,10 @@ class _Player:
             return
         self._route(system, message, now_s)
 
-    def _route(self, system: int, message: FlightMessage, now_s: float) -> None:
+    def _route(self, system: int, message: messages.FlightMessage, now_s: float) -> None:
         """Hand what a system says to its vehicle, or count why nobody takes it."""
         name = self._names.get(system) or self._add_vehicle(system, message)
-        if name and isinstance(message, DoubleHeard):
+        if name and isinstance(message, messages.DoubleHeard):
             vehicle = self._followed[name]
             vehicle.mixed_s = min(vehicle.mixed_s, max(0.0, now_s - MIXED_S))
         if name:
@@ -283,15 +271,15 @@ class _Player:
                 self._handle_message(name, setting, now_s)
         elif system in self._others:
             self._file.skipped.not_followed += 1
-        elif isinstance(message, VehicleSetting | ListedItem):
+        elif isinstance(message, messages.VehicleSetting | messages.ListedItem):
             self._keep_setting(system, message)
         else:
             self._file.skipped.before_heartbeat += 1
 
-    def _keep_setting(self, system: int, setting: VehicleSetting | ListedItem) -> None:
+    def _keep_setting(self, system: int, setting: messages.VehicleSetting | messages.ListedItem) -> None:
         """Keep what a log says of a vehicle's parameters, and of its mission, before it says what it is."""
         kept = self._early.setdefault(system, {})
-        name = setting.item.seq if isinstance(setting, ListedItem) else setting.name
+        name = setting.item.seq if isinstance(setting, messages.ListedItem) else setting.name
         if len(self._early) <= MOST_EARLY and (len(kept) < MOST_SETTINGS or name in kept):
             kept[name] = setting
         else:
@@ -329,44 +317,46 @@ class _Player:
         self._ticked_s = at_s
         return CALM_TICK_S if calm else TICK_S
 
-    def _handle_message(self, name: str, message: FlightMessage, now_s: float) -> None:
+    def _handle_message(self, name: str, message: messages.FlightMessage, now_s: float) -> None:
         before = self._state.fleet.vehicles[name]
         if self._is_repetition(before, message, now_s):
             return
-        if isinstance(message, Battery):
+        if isinstance(message, messages.Battery):
             volts = before.power.volts.voltage_v
             if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
                 self._next_s = now_s
-        elif isinstance(message, StatusText | OwnFailsafe):
+        elif isinstance(message, messages.StatusText | messages.OwnFailsafe):
             self._next_s = now_s  # what is said of a crash is looked at before anything that follows it
-        elif isinstance(message, Position) and not self._framed:
+        elif isinstance(message, messages.Position) and not self._framed:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
             self._scene = replace(self._scene, frame=frame)
         self._state, found = passive_watch.step_watch(self._scene, self._state, Heard(name, message), now_s)
         self._findings += found
-        if isinstance(message, (Battery, SystemStatus)) and _is_draining(self._state.fleet.vehicles[name]):
+        if isinstance(message, (messages.Battery, messages.SystemStatus)) and _is_draining(
+            self._state.fleet.vehicles[name]
+        ):
             self._next_s = min(self._next_s, now_s + TICK_S)
-        elif isinstance(message, Heartbeat):
+        elif isinstance(message, messages.Heartbeat):
             if message != before.telemetry.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
                 self._followed[name].flights.begin_flight(now_s)
                 self._record_take_off_place(self._state.fleet.vehicles[name])
 
-    def _is_repetition(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
+    def _is_repetition(self, known: VehicleState, message: messages.FlightMessage, now_s: float) -> bool:
         """Return whether a vehicle repeats itself: what is watched are changes, and that it speaks at all."""
         match message:
-            case Heartbeat():
+            case messages.Heartbeat():
                 settled = known.stage in STEADY and (known.sortie.flew_mission or not known.sortie.took_off)
                 if not settled or message != known.telemetry.heartbeat:
                     return False
                 self._followed[known.name].beat_s = now_s  # the next tick takes it
                 return True
-            case MissionCurrent(seq, total, number):
+            case messages.MissionCurrent(seq, total, number):
                 same = known.assignment.board is None or number in {None, known.assignment.carried.id}
                 return same and known.telemetry.item == (seq, total)
-            case Battery() | SystemStatus():
+            case messages.Battery() | messages.SystemStatus():
                 return _is_report_repetition(self._followed[known.name], message, now_s)
             case _:
                 return False
@@ -377,9 +367,9 @@ class _Player:
             setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.motion.fix.place_m)
             self._scene = replace(self._scene, vehicles={**self._scene.vehicles, vehicle.name: setup})
 
-    def _add_vehicle(self, system: int, message: FlightMessage) -> str:
+    def _add_vehicle(self, system: int, message: messages.FlightMessage) -> str:
         """Return the name of a vehicle that is heard for the first time; nothing if it cannot be followed."""
-        if not isinstance(message, Heartbeat):
+        if not isinstance(message, messages.Heartbeat):
             return ""
         dialect = dialect_of(message.autopilot)
         if dialect is None or not is_known_copter(message):
@@ -413,7 +403,7 @@ class _Player:
         )
         notes = [*self._others.values(), *self._file.notes]
         notes += [
-            f"{describe_foreign_system(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from "
+            f"{describe_foreign_system(messages.DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from "
             f"{one.mixed_s:.1f} s on"
             for name, one in self._followed.items() if one.mixed_s < math.inf
         ]  # fmt: skip
@@ -429,15 +419,17 @@ class _Player:
         )
 
 
-def _is_report_repetition(followed: FollowedVehicle, message: Battery | SystemStatus, now_s: float) -> bool:
-    key = message.battery if isinstance(message, Battery) else None
+def _is_report_repetition(
+    followed: FollowedVehicle, message: messages.Battery | messages.SystemStatus, now_s: float
+) -> bool:
+    key = message.battery if isinstance(message, messages.Battery) else None
     at_s, known = followed.reports.get(key, (-math.inf, message))
     same = message.remaining_pct == known.remaining_pct and _is_within(message.voltage_v, known.voltage_v, SAME)
     match message, known:
-        case Battery(), Battery():
+        case messages.Battery(), messages.Battery():
             same = same and (message.charge_state, message.faults) == (known.charge_state, known.faults)
             same = same and not message.cells_v and _is_within(message.current_a, known.current_a, ALIKE)
-        case SystemStatus(), SystemStatus():
+        case messages.SystemStatus(), messages.SystemStatus():
             same = same and (message.unhealthy, message.prearm_ok) == (known.unhealthy, known.prearm_ok)
     if same and now_s - at_s < REPEATS_S:
         return True

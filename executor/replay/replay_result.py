@@ -168,6 +168,7 @@ class PackBook:
             return None
         cells, sag = power.volts.cells, power.pack.sag
         cell_v = power.volts.voltage_v / cells if sag is None else sag.recovered_v / cells
+        known_v = 0.0 if self._latest is None else self._latest.sag_cell_v or 0.0
         flight = PackEntry.model_construct(
             log="",
             vehicle="",
@@ -179,7 +180,7 @@ class PackBook:
             end_cell_v=cell_v,
             began_pct=self._counted[1] if self._rest is None else self._rest.claimed_pct,
             ended_pct=pct,
-            sag_cell_v=None if sag is None else self._highest_sag_v(sag.ohm * sag.current_a / cells),
+            sag_cell_v=None if sag is None else max(0.0, sag.ohm * sag.current_a / cells, known_v),
             ohm=None if sag is None else max(0.0, sag.ohm),
             ohm_sd=None if sag is None else sag.ohm_sd,
             counted_ah=self._draw_ah(vehicle, facts, pct),
@@ -187,9 +188,6 @@ class PackBook:
         )
         least_ah, most_ah = (None if sag is None else self._capacity_ah(flight, facts.chemistry)) or (None, None)
         return flight.model_copy(update={"least_ah": least_ah, "most_ah": most_ah})
-
-    def _highest_sag_v(self, now_v: float) -> float:
-        return max(0.0, now_v, 0.0 if self._latest is None else self._latest.sag_cell_v or 0.0)
 
     def _capacity_ah(self, flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, float] | None:
         mine = [one for one in self.flights if one.pack == flight.pack]
@@ -222,9 +220,7 @@ def capacity_ah(flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, 
 
 
 def merge_packs(
-    replays: Iterable[LogReplay],
-    before: PacksDocument | None = None,
-    labels: Mapping[int, str] = MappingProxyType({}),
+    replays: Iterable[LogReplay], before: PacksDocument | None = None, labels: Mapping[int, str] = MappingProxyType({})
 ) -> PacksDocument:
     """Return what is known after further logs; a flight that was known is told anew.
 

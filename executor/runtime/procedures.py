@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
-from executor.core.interface.messages import Heartbeat, Message, MessageInterval, SendCommand, SendParamSet, StatusText
+from executor.core.interface.messages import Heartbeat, Message, MessageInterval, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
 from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
@@ -510,13 +510,12 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
             return ended
 
 
-async def send_to_streams(
-    link: Link, clock: Clock, messages: Iterable[int], build: Callable[[int], SendCommand]
-) -> str:
-    """Give a command for each of some messages; returns why none was taken, if the vehicle does not answer."""
+async def set_streams(link: Link, clock: Clock, messages: Iterable[int], interval_us: float) -> str:
+    """Ask for each of some messages every so often; returns why not, if the vehicle does not answer."""
     silent = ""
     for message in messages:
-        done = await send_order(link, clock, CommandDialogue(build(message), "stream"))
+        order = vehicle_commands.set_message_interval(message, interval_us)
+        done = await send_order(link, clock, CommandDialogue(order, "stream"))
         silent = done.reason if done.lost else ""
     return silent
 
@@ -545,9 +544,7 @@ async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, flo
     """
     beat_hz = {HEARTBEAT: HEARTBEAT_HZ} if again else {}
     for message, rate_hz in (beat_hz | dict(streams_hz)).items():
-        await send_order(
-            link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
-        )
+        await set_streams(link, clock, [message], 1e6 / rate_hz)
 
 
 def choose_link_streams_hz(

@@ -308,7 +308,7 @@ async def set_changes(link: Link, clock: Clock, changes: Iterable[parameter_chan
     for change in changes:
         if change.name == parameter_changes.UNASKED:
             off = dialect_for(change.autopilot).unasked_hz
-            ends[change.name] = await procedures.send_to_streams(link, clock, off, vehicle_commands.stop_message)
+            ends[change.name] = await procedures.set_streams(link, clock, off, vehicle_commands.NEVER_US)
             continue
         done = await procedures.set_parameter(link, clock, change.name, change.new, change.kind)
         ends[change.name] = "" if done.accepted else done.reason
@@ -408,7 +408,7 @@ async def examine_vehicle(
     try:
         facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None, share=share)
         off = share.list_unwanted(dialect, on_radio=facts.link.radio is not None)
-        await procedures.send_to_streams(link, clock, off, vehicle_commands.stop_message)  # a boot brings them back
+        await procedures.set_streams(link, clock, off, vehicle_commands.NEVER_US)  # a boot brings them back
         # Nothing has to be set where it is as the flight has set it.
         proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
         if sets and (lacks := proposal.changes_of(name)):

@@ -23,16 +23,8 @@ from executor.images import matching
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import default_network_path, dialect_for, read_network
+from simulator import config
 from simulator.camera import CapturedImage, format_picture_name
-from simulator.config import (
-    OTHER_STATION,
-    PX4_RATE_BYTES_S,
-    AutopilotKind,
-    Signing,
-    SimCamera,
-    SimFleet,
-    SimVehicle,
-)
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle, run_fleet
 from simulator.radio import parse_radio
@@ -96,9 +88,9 @@ def fleet_of(
     seed: int,
     wind: float,
     failsafe: bool,
-    signing: Signing | None = None,
+    signing: config.Signing | None = None,
     radio: str = "",
-) -> SimFleet:
+) -> config.SimFleet:
     """Return the site's vehicles, standing on their pads; with `failsafe` they come home when they lose our heartbeat.
 
     Raises:
@@ -112,10 +104,10 @@ def fleet_of(
         pad = setup.pad_of(table.name)
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(pad.east_m, pad.north_m)
         vehicles.append(
-            SimVehicle(
+            config.SimVehicle(
                 name=table.name,
                 sysid=table.sysid,
-                autopilot=AutopilotKind(table.autopilot),
+                autopilot=config.AutopilotKind(table.autopilot),
                 connection=table.connection,
                 home_lat_deg=lat_deg,
                 home_lon_deg=lon_deg,
@@ -129,28 +121,18 @@ def fleet_of(
                     rule.timeout: max(rule.timeout_s, site_model.stall_s(speedup)),
                     **({} if rule.station_sysid is None else {rule.station_sysid: float(station)}),
                 },
-                other_station=OTHER_STATION - (station == OTHER_STATION),
-                rate_bytes_s=PX4_RATE_BYTES_S if slow else math.inf,
+                other_station=config.OTHER_STATION - (station == config.OTHER_STATION),
+                rate_bytes_s=config.PX4_RATE_BYTES_S if slow else math.inf,
                 seed=seed * 1000 + number,
                 signing=signing,
                 cameras=tuple(
-                    SimCamera(camera.name, camera.id, camera.gimbal)
+                    config.SimCamera(camera.name, camera.id, camera.gimbal)
                     for camera in ground.site.camera
                     if not camera.vehicles or table.name in camera.vehicles
                 ),
             )
         )
-    return SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults), radio)
-
-
-@dataclass(frozen=True, slots=True)
-class SimulationOutputs:
-    """What a simulation writes besides what it prints."""
-
-    truth: Path | None = None
-    """What really happened."""
-    cards: Path | None = None
-    """What its cameras take."""
+    return config.SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults), radio)
 
 
 def run_simulation(  # noqa: PLR0913 - what is simulated, and how
@@ -160,22 +142,26 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     faults: Sequence[str],
     seed: int,
     wind: float,
-    outputs: SimulationOutputs,
+    truth: Path | None,
+    cards: Path | None,
     failsafe: bool,
-    key: bytes | None = None,
-    radio: str = "",
+    key: bytes | None,
+    radio: str,
 ) -> None:
-    """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
-    written = None if outputs.cards is None else SimulatedCards(outputs.cards, time.time())
+    """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM).
+
+    What really happens goes to the file `truth`, what its cameras take into the folder `cards`.
+    """
+    written = None if cards is None else SimulatedCards(cards, time.time())
     signing = None
     if key is not None:
         began_ticks = round((time.time() - EPOCH_UNIX_S) * TICKS_PER_S)
-        signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
+        signing = config.Signing(key, began_ticks, TICKS_PER_S / speedup)
     fleet = fleet_of(
         ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing, radio=radio
     )
     with ExitStack() as stack:
-        writer = stack.enter_context(closing(TruthWriter(outputs.truth))) if outputs.truth is not None else None
+        writer = stack.enter_context(closing(TruthWriter(truth))) if truth is not None else None
         for vehicle in fleet.vehicles:
             print(
                 f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {', '.join(vehicle.connections)}"
@@ -197,7 +183,7 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
 
 
 async def _run_until_signal(
-    fleet: SimFleet, happened: Callable[[Truth], None], lived: Callable[[Sequence[SimulatedVehicle]], None]
+    fleet: config.SimFleet, happened: Callable[[Truth], None], lived: Callable[[Sequence[SimulatedVehicle]], None]
 ) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -289,15 +275,6 @@ def find_free_ports(count: int) -> list[int]:
                 plug.bind(("127.0.0.1", port))
                 found.append(port)
     return found
-
-
-def check_faults(ground: SiteModel, faults: Sequence[str]) -> None:
-    """Check the faults before anything is started.
-
-    Raises:
-        SimulatorError: one of them cannot be read, or names a vehicle that does not fly.
-    """
-    fleet_of(ground, speedup=1.0, faults=faults, seed=0, wind=1.0, failsafe=False)
 
 
 @contextmanager

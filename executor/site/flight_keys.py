@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from executor.core.fault_thresholds import Limits
 from executor.core.interface.connection import Connection, parse_connection
@@ -94,11 +95,9 @@ class SigningTable(SiteTable):
     key_env: str | None = None
     """Environment variable with the same content. Exactly one of `key_file` and `key_env` is required."""
 
-    @model_validator(mode="after")
-    def _check_key_source(self) -> SigningTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if (self.key_file is None) is (self.key_env is None):
-            raise ValueError("key_file: expected either key_file or key_env")
-        return self
+            yield "key_file: expected either key_file or key_env"
 
 
 class RadioTable(SiteTable):
@@ -127,15 +126,13 @@ class LinkTable(SiteTable):
     """Whether all vehicles share one radio although their connections differ, as behind a router: transfers take turns,
     and the heartbeat is sent once. For vehicles with several links it is the first link."""
 
-    @model_validator(mode="after")
-    def _check_radios(self) -> LinkTable:
+    def _find_mistakes(self) -> Iterator[str]:
         for index, radio in enumerate(self.radios or ()):
             if radio in (self.radios or ())[:index]:
-                raise ValueError(
+                yield (
                     f"radios[{index}]: expected each radio once, got system {radio.system} component "
                     f"{radio.component} again"
                 )
-        return self
 
     @property
     def station(self) -> tuple[int, int]:
@@ -162,20 +159,19 @@ class ForwardTable(SiteTable):
     """Bytes a second that stations may send over each telemetry radio, RTCM corrections and Remote ID included; the
     vehicles' streams are reduced by it. Default: a tenth of the radio's capacity."""
 
-    @model_validator(mode="after")
-    def _check_ports(self) -> ForwardTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if self.allow_orders and not self.to:
-            raise ValueError("to: expected at least one connection beside allow_orders, got none")
+            yield "to: expected at least one connection beside allow_orders, got none"
         taken = set[str]()
         for index, text in enumerate(self.to):
             try:
                 port = parse_connection(text)
             except ValueError as error:
-                raise ValueError(f"to[{index}]: {error}") from None
+                yield f"to[{index}]: {error}"
+                return
             if port.exclusive_resource in taken:
-                raise ValueError(f"to[{index}]: expected a port of its own, got '{text}' again")
+                yield f"to[{index}]: expected a port of its own, got '{text}' again"
             taken.add(port.exclusive_resource)
-        return self
 
     @property
     def ports(self) -> tuple[Connection, ...]:
@@ -239,11 +235,9 @@ class QuietTable(SiteTable):
     vehicles: tuple[str, ...] = ()
     """Vehicles that it applies to; default: all."""
 
-    @model_validator(mode="after")
-    def _check_times(self) -> QuietTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if parse_clock_s(self.begin) >= parse_clock_s(self.end):
-            raise ValueError(f"end: expected a time after begin, {self.begin}, got '{self.end}'")
-        return self
+            yield f"end: expected a time after begin, {self.begin}, got '{self.end}'"
 
 
 class OtherTable(SiteTable):
@@ -284,10 +278,8 @@ class DayTable(SiteTable):
     vehicle: tuple[OtherTable, ...] = ()
     """Vehicles that differ from the others."""
 
-    @model_validator(mode="after")
-    def _check_day(self) -> DayTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if parse_clock_s(self.begin) >= parse_clock_s(self.end):
-            raise ValueError(f"end: expected a time after begin, {self.begin}, got '{self.end}'")
+            yield f"end: expected a time after begin, {self.begin}, got '{self.end}'"
         if self.lands == "own" and (self.road_m_s is not None or self.road):
-            raise ValueError("lands: expected 'any' beside roads: vehicles that land at their own base are not driven")
-        return self
+            yield "lands: expected 'any' beside roads: vehicles that land at their own base are not driven"

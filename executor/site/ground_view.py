@@ -266,6 +266,7 @@ class DegreesPart(Document):
 class GroundDocument(Document):
     """`ground.json`."""
 
+    expected = "the ground below a flight"
     format: Literal["faultline-ground/1"] = "faultline-ground/1"
     low_m: Corner
     """South-western corner, in metres east and north of the depot."""
@@ -327,7 +328,7 @@ def read_ground_files(run: Path) -> dict[str, bytes]:
 
 def _read_document(run: Path) -> GroundDocument:
     path = run / DOCUMENT
-    document = GroundDocument.read(path, "the ground below a flight")
+    document = GroundDocument.read(path)
     if document.photo not in {None, PHOTO} or (document.relief is not None and document.relief.file != RELIEF):
         raise LogError(f"{path}: photo, relief.file: expected {PHOTO} and {RELIEF}, beside it")
     heights = None if document.relief is None else document.relief.heights

@@ -63,17 +63,9 @@ class PackEntry(Document):
 class PacksDocument(Document):
     """What is known of packs."""
 
+    expected = "what flights taught about packs"
     format: Literal["faultline-packs/1"]
     flights: tuple[PackEntry, ...]
-
-
-def read_packs(path: Path) -> PacksDocument:
-    """Read packs.json.
-
-    Raises:
-        LogError: one line that names the file, the key and what was expected.
-    """
-    return PacksDocument.read(path, "what flights taught about packs")
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +86,7 @@ def load_site_packs(site: Site, base: Path) -> SitePacks:
     """
     if site.energy.packs is None:
         return SitePacks()
-    flights = read_packs(base / site.energy.packs).flights
+    flights = PacksDocument.read(base / site.energy.packs).flights
     begins = {one.name: one.pack for one in site.vehicle if one.pack is not None}
     labels = {one.label for one in flights if one.label} | set(begins.values())
     known = {label: _build_history(label, flights) for label in sorted(labels)}
@@ -190,6 +182,7 @@ class LearnedVehicle(Document):
 class LearnedDocument(Document):
     """What flights taught about vehicles."""
 
+    expected = "what a flight taught about its vehicles"
     format: Literal["faultline-learned/1"]
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     """Date of the flight's end."""
@@ -207,15 +200,6 @@ class LearnedDocument(Document):
     def known_by_name(self) -> dict[str, KnownVehicle]:
         """Return what is known, by the vehicle's name."""
         return {one.name: _parse_known(one) for one in self.vehicles}
-
-
-def read_learned(path: Path) -> LearnedDocument:
-    """Read learned.json.
-
-    Raises:
-        LogError: one line that names the file, the key and what was expected.
-    """
-    return LearnedDocument.read(path, "what a flight taught about its vehicles")
 
 
 def build_learned_document(known: Mapping[str, KnownVehicle], date: str) -> LearnedDocument:

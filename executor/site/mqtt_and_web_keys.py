@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ipaddress
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from executor.site.site_keys import EnvironmentName, FileName, HostName, SiteTable
 
@@ -46,17 +47,15 @@ class MqttTable(SiteTable):
     clear_retained: bool = False
     """Whether to clear all retained messages but `fleet/connection` at the end of the flight."""
 
-    @model_validator(mode="after")
-    def _check_credentials(self) -> MqttTable:
+    def _find_mistakes(self) -> Iterator[str]:
         for key in ("ca_file", "cert_file"):
             if getattr(self, key) is not None and not self.tls:
-                raise ValueError(f"{key}: expected none without tls = true")
+                yield f"{key}: expected none without tls = true"
         for key in ("key_file", "key_password_env"):
             if getattr(self, key) is not None and self.cert_file is None:
-                raise ValueError(f"{key}: expected a cert_file beside it")
+                yield f"{key}: expected a cert_file beside it"
         if self.password_env is not None and self.username_env is None:
-            raise ValueError("password_env: expected a username_env beside it")
-        return self
+            yield "password_env: expected a username_env beside it"
 
     @property
     def used_port(self) -> int:
@@ -90,15 +89,14 @@ class WebTable(SiteTable):
     """Address to print, where browsers reach the page under another one, such as `http://127.0.0.1:8080/` for a
     container's published port or a proxy."""
 
-    @model_validator(mode="after")
-    def _check_exposure(self) -> WebTable:
+    def _find_mistakes(self) -> Iterator[str]:
         try:
             address = ipaddress.ip_address(self.host)
         except ValueError:
-            raise ValueError(f"host: expected an address such as 127.0.0.1 or 0.0.0.0, got '{self.host}'") from None
+            yield f"host: expected an address such as 127.0.0.1 or 0.0.0.0, got '{self.host}'"
+            return
         if not address.is_loopback and self.token_env is None:
-            raise ValueError(
+            yield (
                 f"token_env: expected the name of an environment variable with a token, because host {self.host} can "
                 "be reached by others"
             )
-        return self

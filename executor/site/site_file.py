@@ -10,7 +10,6 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence, Set
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -60,16 +59,13 @@ class Site(site_keys.SiteTable):
             raise ValueError("vehicle: expected at least one [[vehicle]] table")
         return content
 
-    @model_validator(mode="after")
-    def _check_together(self) -> Site:
-        checks = (
-            self._check_terrain(), self._check_vehicles(), self._check_places(), self._check_cameras(),
-            self._check_locks(), self._check_bases(), self._check_day(), self._check_signing(), self._check_radios(),
-            self._check_connections(), self._check_forward(),
-        )  # fmt: skip
-        for text in chain.from_iterable(checks):
-            raise ValueError(text)
-        return self
+    def _find_mistakes(self) -> Iterator[str]:
+        for check in (
+            self._check_terrain, self._check_vehicles, self._check_places, self._check_cameras, self._check_locks,
+            self._check_bases, self._check_day, self._check_signing, self._check_radios, self._check_connections,
+            self._check_forward,
+        ):  # fmt: skip
+            yield from check()
 
     def _check_terrain(self) -> Iterator[str]:
         if self.terrain is not None and self.inspection.heights == "flat":

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
@@ -38,6 +39,16 @@ class SiteTable(BaseModel):
     """A table of the file: it has no other keys than its own."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="after")
+    def _check_together(self) -> Self:
+        for text in self._find_mistakes():
+            raise ValueError(text)
+        return self
+
+    def _find_mistakes(self) -> Iterator[str]:
+        """Yield what is wrong with what its keys say together."""
+        yield from ()
 
 
 class DepotTable(SiteTable):
@@ -107,11 +118,9 @@ class LockTable(SiteTable):
     begin: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(default=None, alias="from")
     """Pylon from which they are flown in sequence, such as `V101-03`; an end of one of them."""
 
-    @model_validator(mode="after")
-    def _check_lock(self) -> LockTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if self.vehicle is None and self.begin is None:
-            raise ValueError("vehicle: expected one of vehicle and from, got neither")
-        return self
+            yield "vehicle: expected one of vehicle and from, got neither"
 
 
 _INSPECTION = Inspection()
@@ -220,23 +229,21 @@ class AreaTable(SiteTable):
     max_amsl_m: OverSea | None = None
     """The same above mean sea level; for an airspace that begins at 300 m, 300."""
 
-    @model_validator(mode="after")
-    def _check_source(self) -> AreaTable:
+    def _find_mistakes(self) -> Iterator[str]:
         given = [key for key in ("file", "polygon", "line") if getattr(self, key) is not None]
         if len(given) != 1:
-            raise ValueError(f"file: expected one of file, polygon and line, got {' and '.join(given) or 'none'}")
+            yield f"file: expected one of file, polygon and line, got {' and '.join(given) or 'none'}"
         if self.file is not None:
-            return self
+            return
         if self.name is None:
-            raise ValueError(f"name: expected one beside {given[0]}: messages call the area by it")
+            yield f"name: expected one beside {given[0]}: messages call the area by it"
         if self.layer or self.where is not None:
-            raise ValueError(f"{'layer' if self.layer else 'where'}: expected none beside {given[0]}")
+            yield f"{'layer' if self.layer else 'where'}: expected none beside {given[0]}"
         limited = self.max_agl_m is not None or self.max_amsl_m is not None
         if self.line is not None and (self.width_m is None or limited):
-            raise ValueError("width_m: expected a width and no height limit beside line: it is a corridor")
+            yield "width_m: expected a width and no height limit beside line: it is a corridor"
         if self.polygon is not None and self.width_m is not None:
-            raise ValueError("width_m: expected none beside polygon, got one")
-        return self
+            yield "width_m: expected none beside polygon, got one"
 
 
 class PlaceTable(SiteTable):
@@ -278,11 +285,9 @@ class EnergyTable(SiteTable):
     efficiency: Annotated[float, Field(ge=0.01, le=1)] | None = None
     """Combined efficiency of propeller and motor."""
 
-    @model_validator(mode="after")
-    def _check_drone(self) -> EnergyTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if self.drone not in PRESETS:
-            raise ValueError(f"drone: expected one of {', '.join(PRESETS)}, got '{self.drone}'")
-        return self
+            yield f"drone: expected one of {', '.join(PRESETS)}, got '{self.drone}'"
 
 
 def _check_autopilot(name: str) -> str:
@@ -332,25 +337,24 @@ class VehicleTable(SiteTable):
     pad: Annotated[str, Field(min_length=1, max_length=60)] | None = None
     """`[[place]]` where it takes off and lands; default: a pad chosen near its base or the depot."""
 
-    @model_validator(mode="after")
-    def _check_vehicle(self) -> VehicleTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if self.budget_pct + self.reserve_pct > 100:
-            raise ValueError(
+            yield (
                 f"budget_pct: expected at most {100 - self.reserve_pct:g} beside a reserve_pct of "
                 f"{self.reserve_pct:g}, got {self.budget_pct:g}"
             )
         try:
             links = self.links
         except ValueError as error:
-            raise ValueError(f"connection: {error}") from None
+            yield f"connection: {error}"
+            return
         if not 0 < len(links) <= MOST_LINKS:
-            raise ValueError(f"connection: expected 1 to {MOST_LINKS}, got {len(links)}")
+            yield f"connection: expected 1 to {MOST_LINKS}, got {len(links)}"
         ports = [link.exclusive_resource for link in links]
         if twice := [port for port in ports if ports.count(port) > 1]:
-            raise ValueError(f"connection: expected each link over a port of its own, got {twice[0]} twice")
+            yield f"connection: expected each link over a port of its own, got {twice[0]} twice"
         if len(links) > 1 and self.backend == "mavsdk":
-            raise ValueError("connection: expected one beside backend 'mavsdk', got a list")
-        return self
+            yield "connection: expected one beside backend 'mavsdk', got a list"
 
     @property
     def links(self) -> tuple[Connection, ...]:
@@ -437,23 +441,19 @@ class LookTable(SiteTable):
     hover_s: Annotated[float, Field(ge=0, le=60)] = 2.0
     """Hover time at a viewpoint before the picture."""
 
-    @model_validator(mode="after")
-    def _check_spacing(self) -> LookTable:
+    def _find_mistakes(self) -> Iterator[str]:
         if self.of == "pylons":
             if len(self.bearings_deg) * (1 + self.both_sides) < 2:
-                raise ValueError("bearings_deg: expected two viewpoints or more for a pylon")
-            return self
+                yield "bearings_deg: expected two viewpoints or more for a pylon"
+            return
         for key in ("heights_m", "target_m", "roi"):
             if getattr(self, key):
-                raise ValueError(f"{key}: expected it for pylons only")
+                yield f"{key}: expected it for pylons only"
         given = [key for key in ("every_m", "overlap_pct") if getattr(self, key) is not None]
         if self.take == "pictures" and len(given) != 1:
-            raise ValueError(
-                f"every_m: expected one of every_m and overlap_pct, got {' and '.join(given) or 'neither'}"
-            )
+            yield (f"every_m: expected one of every_m and overlap_pct, got {' and '.join(given) or 'neither'}")
         if self.take == "video" and given:
-            raise ValueError(f"{given[0]}: expected none for a video")
-        return self
+            yield f"{given[0]}: expected none for a video"
 
 
 Amount = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]

@@ -21,18 +21,10 @@ from executor.core.radio_budget import RadioShare
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
+from executor.site import site_parts
 from executor.site.learned_files import SitePacks, load_site_packs
 from executor.site.site_file import Site
 from executor.site.site_keys import DepotTable, NetworkTable, VehicleTable
-from executor.site.site_parts import (
-    base_places_m,
-    build_looks,
-    build_places,
-    build_viewpoint_requests,
-    find_base_pads,
-    load_areas,
-    place_day_pads,
-)
 from executor.site.span_names import find_left_out, find_locks
 from missions.area_rules import apply_areas
 from missions.flight_model import AS_MODELLED
@@ -160,7 +152,7 @@ def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain |
     if table is None:
         return None
     files = (table.files,) if isinstance(table.files, str) else table.files
-    bases_m = base_places_m(site, network.frame).values()
+    bases_m = site_parts.base_places_m(site, network.frame).values()
     box_m = reading_box_m(network, DETOUR_M, bases_m) if site.area else reading_box_m(network, bases_m=bases_m)
     reading = RasterOptions(network.frame, *box_m, table.vertical, table.uncertainty_m)
     return Terrain(read_elevation([base / file for file in files], reading), table.margin_m, table.line_margin_m)
@@ -217,23 +209,26 @@ def build_site_model(
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     said = table.model_dump(include={one.name for one in fields(missions.Inspection)})
     inspection = missions.Inspection(**said, flat=network.flat)
-    network, wished = add_viewpoints(network, build_viewpoint_requests(site, network), table.standoff_m)
+    network, wished = add_viewpoints(network, site_parts.build_viewpoint_requests(site, network), table.standoff_m)
     left_out = find_left_out(site, network, {asset: wish.pylon for asset, wish in wished.items()})
     locked, directions = find_locks(site, network, left_out)
     names = tuple(vehicle.name for vehicle in site.vehicle)
-    (areas, unused), (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
+    (areas, unused), (stated, alternates) = (
+        site_parts.load_areas(site, base, network),
+        site_parts.build_places(site, network.frame),
+    )
     setup = missions.plan_flight_setup(
         network, names, inspection, stated=stated, areas=areas, terrain=terrain,
-        bases=find_base_pads(site, network),
+        bases=site_parts.find_base_pads(site, network),
     )  # fmt: skip
     pylons, higher = build_pylon_tasks(setup, wished)
-    setup = replace(setup, looks=build_looks(site, network, pylons))
+    setup = replace(setup, looks=site_parts.build_looks(site, network, pylons))
     if areas or alternates:
         setup = apply_areas(setup, areas, alternates)
     # One line for all viewpoints that are flown higher than asked.
     raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
     remarks = (*worth_a_look, *unused, *raised)
-    day_pads = place_day_pads(site, setup, areas)
+    day_pads = site_parts.place_day_pads(site, setup, areas)
     return SiteModel(
         site, network, inspection, drone, travel, setup, terrain, remarks, day_pads=day_pads, left_out=left_out,
         locked=locked, directions=directions,

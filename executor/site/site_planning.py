@@ -12,55 +12,15 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+import missions
+import planner
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_file import read_toml
 from executor.site.site_model import SiteModel
-from missions import (
-    BreakingLoss,
-    DayPlanFile,
-    PlanFile,
-    PlanFileError,
-    Pricing,
-    SolverRecord,
-    Task,
-    Window,
-    build_plan_document,
-    check_plan,
-    format_first_error,
-    make_plan_file,
-)
 from missions.inspection_height import Routes, rearrange_routes
 from missions.no_fly_areas import Area, AreaKind
 from missions.plan_parts import PlanFence
-from planner import (
-    DEFAULT_PARAMS,
-    Cost,
-    Instance,
-    Iterations,
-    NoImprovement,
-    ParetoPlan,
-    Plan,
-    Progress,
-    RemainingProblem,
-    ReplanWindow,
-    Result,
-    Route,
-    SearchParams,
-    Seconds,
-    StopRule,
-    build_remaining_problem,
-    combine_stop_rules,
-    evaluate,
-    find_pareto_front,
-    replan,
-    replan_window,
-    segment_of,
-    solve,
-    solve_exact,
-    solve_grasp,
-    solve_window,
-)
 from planner.sorties import Objective
 
 SAME_PLACE_M = 1.0
@@ -93,7 +53,7 @@ class PlanSolver(Enum):
 class PlanRequest:
     """What a first plan is asked to be."""
 
-    cost: Cost | None
+    cost: planner.Cost | None
     """None: the largest re-plan window."""
     seconds: float
     """Solver time."""
@@ -107,7 +67,7 @@ class PlanRequest:
     """For a window: how much longer than the best MinMax plan's the longest route may be, as a share."""
     starts: int = 0
     """Parallel searches; 0 for one per processor."""
-    params: SearchParams = DEFAULT_PARAMS
+    params: planner.SearchParams = planner.DEFAULT_PARAMS
     """Tuning of the search."""
     usual: bool = False
     """Whether no cost was given: then the window, if it can be searched in this time, else MinMax."""
@@ -122,11 +82,11 @@ class PlanRequest:
                 paper's solver is to be tuned.
         """
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
-            raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
+            raise missions.PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
         if self.iterations is not None and self.solver is not PlanSolver.SEARCH:
-            raise PlanFileError(f"--solver: expected search for --iterations, got {self.solver.value}")
-        if self.params != DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
-            raise PlanFileError("--search: expected none beside --solver grasp, whose numbers are the paper's")
+            raise missions.PlanFileError(f"--solver: expected search for --iterations, got {self.solver.value}")
+        if self.params != planner.DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
+            raise missions.PlanFileError("--search: expected none beside --solver grasp, whose numbers are the paper's")
 
     @property
     def threads(self) -> int:
@@ -138,34 +98,36 @@ class PlanRequest:
         """How long is searched, in words."""
         return f"{self.seconds:g} s" if self.iterations is None else f"{self.iterations} iterations"
 
-    def build_stop_rule(self, settled: StopRule | None = None) -> StopRule:
+    def build_stop_rule(self, settled: planner.StopRule | None = None) -> planner.StopRule:
         """Return when a search ends: after its iterations if they are given, and else once it is settled."""
-        sooner = settled if self.iterations is None else Iterations(self.iterations)
-        return combine_stop_rules(*(rule for rule in (Seconds(self.seconds), sooner) if rule is not None))
+        sooner = settled if self.iterations is None else planner.Iterations(self.iterations)
+        return planner.combine_stop_rules(
+            *(rule for rule in (planner.Seconds(self.seconds), sooner) if rule is not None)
+        )
 
-    def adapt_to_task(self, task: Task) -> PlanRequest:
+    def adapt_to_task(self, task: missions.Task) -> PlanRequest:
         """Return what is asked of a task."""
         if not self.usual:
             return self
         able = self.solver is PlanSolver.SEARCH and len(task.instance.vehicles) > 1
         searched = able and 0 < len(task.segment_ids) <= WINDOW_UP_TO
-        return replace(self, cost=None if searched else Cost.MINMAX, usual=False)
+        return replace(self, cost=None if searched else planner.Cost.MINMAX, usual=False)
 
 
-def read_search_params(path: Path) -> SearchParams:
+def read_search_params(path: Path) -> planner.SearchParams:
     """Read what a TOML file sets of what a search is tuned by; the rest is as it is by default.
 
     Raises:
         SiteError: one line that names the file, the key and what was expected.
     """
     try:
-        return TypeAdapter(SearchParams).validate_python(read_toml(path, "search parameters"))
+        return TypeAdapter(planner.SearchParams).validate_python(read_toml(path, "search parameters"))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        reason = format_first_error(error)
+        reason = missions.format_first_error(error)
         if first["type"] == "unexpected_keyword_argument":
             *table, key = map(str, first["loc"])
-            part = getattr(DEFAULT_PARAMS, table[0]) if table else DEFAULT_PARAMS
+            part = getattr(planner.DEFAULT_PARAMS, table[0]) if table else planner.DEFAULT_PARAMS
             known = ", ".join(one.name for one in fields(part))
             reason = f"{'.'.join([*table, key])}: not known; expected one of {known}"
         raise SiteError(f"{path}: {reason}") from error
@@ -180,9 +142,9 @@ The window, so that the fleet can finish without any one vehicle from as early a
 def plan_site(
     ground: SiteModel,
     wanted: PlanRequest,
-    on_progress: Callable[[Progress], None] | None = None,
-    task: Task | None = None,
-) -> PlanFile:
+    on_progress: Callable[[planner.Progress], None] | None = None,
+    task: missions.Task | None = None,
+) -> missions.PlanFile:
     """Plan a whole site, or one task of it.
 
     Raises:
@@ -190,10 +152,10 @@ def plan_site(
     """
     task = site_model.build_first_task(ground) if task is None else task
     wanted = wanted.adapt_to_task(task)
-    chosen_by: Cost | Window
+    chosen_by: planner.Cost | missions.Window
     if wanted.cost is None:
-        stop = wanted.build_stop_rule(NoImprovement(WINDOW_SETTLED))
-        found = solve_window(
+        stop = wanted.build_stop_rule(planner.NoImprovement(WINDOW_SETTLED))
+        found = planner.solve_window(
             task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
             fly_again=may_fly_again(ground),
@@ -205,14 +167,16 @@ def plan_site(
     if ground.inspection.same_distance:
         plan = rearrange_plan(ground, task, plan, chosen_by)
         task = site_model.adjust_task_to_layers(ground, task, plan)
-        if isinstance(chosen_by, Window):
-            again = replan_window(task.instance, plan, fly_again=may_fly_again(ground))
+        if isinstance(chosen_by, missions.Window):
+            again = planner.replan_window(task.instance, plan, fly_again=may_fly_again(ground))
             chosen_by = to_plan_window(again, task.instance)
-    solved = SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
+    solved = missions.SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     return build_site_plan_file(ground, task, plan, chosen_by, solved)
 
 
-def rearrange_plan(ground: SiteModel, task: Task, plan: Plan, chosen_by: Cost | Window) -> Plan:
+def rearrange_plan(
+    ground: SiteModel, task: missions.Task, plan: planner.Plan, chosen_by: planner.Cost | missions.Window
+) -> planner.Plan:
     """Return a plan of which routes are changed a little, so that less is inspected from layers.
 
     Args:
@@ -223,22 +187,25 @@ def rearrange_plan(ground: SiteModel, task: Task, plan: Plan, chosen_by: Cost | 
     """
     if task.pricing is None:
         return plan
-    window = chosen_by if isinstance(chosen_by, Window) else None
-    cost = Cost.MINMAX if isinstance(chosen_by, Window) else chosen_by
-    fly_again, was = may_fly_again(ground), evaluate(task.instance, plan, cost)
+    window = chosen_by if isinstance(chosen_by, missions.Window) else None
+    cost = planner.Cost.MINMAX if isinstance(chosen_by, missions.Window) else chosen_by
+    fly_again, was = may_fly_again(ground), planner.evaluate(task.instance, plan, cost)
 
-    def plan_of(routes: Routes) -> Plan:
-        own = (Route(number, task.from_network(routes.get(name, ()))) for number, name in enumerate(ground.names))
-        return Plan(tuple(own), plan.uncovered)
+    def plan_of(routes: Routes) -> planner.Plan:
+        own = (
+            planner.Route(number, task.from_network(routes.get(name, ()))) for number, name in enumerate(ground.names)
+        )
+        return planner.Plan(tuple(own), plan.uncovered)
 
     def cost_of(routes: Routes) -> float:
-        found = evaluate(task.instance, plan_of(routes), cost)
+        found = planner.evaluate(task.instance, plan_of(routes), cost)
         worse = max(found.value / was.value, found.longest_route_s / was.longest_route_s)
         return math.inf if found.violations or worse > REARRANGED else worse
 
     def may(routes: Routes) -> bool:
         return window is None or (
-            replan_window(task.instance, plan_of(routes), fly_again=fly_again).earliest_s <= window.earliest_s + SAME
+            planner.replan_window(task.instance, plan_of(routes), fly_again=fly_again).earliest_s
+            <= window.earliest_s + SAME
         )
 
     routes = site_model.name_routes(ground, task, plan)
@@ -248,10 +215,14 @@ def rearrange_plan(ground: SiteModel, task: Task, plan: Plan, chosen_by: Cost | 
 
 
 def build_site_plan_file(
-    ground: SiteModel, task: Task, plan: Plan, chosen_by: Cost | Window, solved: SolverRecord
-) -> PlanFile:
+    ground: SiteModel,
+    task: missions.Task,
+    plan: planner.Plan,
+    chosen_by: planner.Cost | missions.Window,
+    solved: missions.SolverRecord,
+) -> missions.PlanFile:
     """Return a plan of a site's task as a plan file: with what the site says of its flights and of its ground."""
-    content = make_plan_file(
+    content = missions.make_plan_file(
         ground.network, task, ground.travel, plan, chosen_by, solved, inspection=ground.inspection,
     )  # fmt: skip
     fence, autopilots = ground.site.fence, {one.name: one.autopilot for one in ground.site.vehicle}
@@ -269,88 +240,95 @@ def may_fly_again(ground: SiteModel) -> bool:
 
 
 def plan_front(
-    ground: SiteModel, wanted: PlanRequest, on_progress: Callable[[Progress], None] | None = None
-) -> tuple[PlanFile, ...]:
+    ground: SiteModel, wanted: PlanRequest, on_progress: Callable[[planner.Progress], None] | None = None
+) -> tuple[missions.PlanFile, ...]:
     """Return the plans of a site that no other one found beats in longest route, energy and window at once.
 
     Raises:
         planner.PlanError: there is one vehicle only.
     """
     task = site_model.build_first_task(ground)
-    found = find_pareto_front(
+    found = planner.find_pareto_front(
         task.instance, stop=wanted.build_stop_rule(), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
         starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=may_fly_again(ground),
     )  # fmt: skip
-    solved = SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
+    solved = missions.SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
     return tuple(_build_front_plan(ground, task, entry, solved) for entry in found)
 
 
-def _build_front_plan(ground: SiteModel, task: Task, entry: ParetoPlan, solved: SolverRecord) -> PlanFile:
+def _build_front_plan(
+    ground: SiteModel, task: missions.Task, entry: planner.ParetoPlan, solved: missions.SolverRecord
+) -> missions.PlanFile:
     window = entry.window
     if ground.inspection.same_distance:
         task = site_model.adjust_task_to_layers(ground, task, entry.plan)
-        window = replan_window(task.instance, entry.plan, fly_again=may_fly_again(ground))
+        window = planner.replan_window(task.instance, entry.plan, fly_again=may_fly_again(ground))
     return build_site_plan_file(ground, task, entry.plan, to_plan_window(window, task.instance), solved)
 
 
-def plan_references(ground: SiteModel, wanted: PlanRequest) -> Mapping[str, PlanFile]:
+def plan_references(ground: SiteModel, wanted: PlanRequest) -> Mapping[str, missions.PlanFile]:
     """Return what each of the paper's cost functions gives in a tenth of the time, by its name: to compare with."""
     plans = {}
-    for cost in Cost:
+    for cost in planner.Cost:
         content = plan_site(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
         instance = content.build_instance()
-        found = replan_window(instance, content.plan, fly_again=content.fly_again)
+        found = planner.replan_window(instance, content.plan, fly_again=content.fly_again)
         plans[cost.value] = replace(content, window=to_plan_window(found, instance))
     return plans
 
 
 def _solve_task(
-    instance: Instance, wanted: PlanRequest, cost: Cost, on_progress: Callable[[Progress], None] | None
-) -> Result:
-    limit = Seconds(wanted.seconds)
+    instance: planner.Instance,
+    wanted: PlanRequest,
+    cost: planner.Cost,
+    on_progress: Callable[[planner.Progress], None] | None,
+) -> planner.Result:
+    limit = planner.Seconds(wanted.seconds)
     match wanted.solver:
         case PlanSolver.GRASP:
-            return solve_grasp(
+            return planner.solve_grasp(
                 instance, cost=cost, stop=limit, seed=wanted.seed, all_vehicles=wanted.all_vehicles,
                 on_progress=on_progress,
             )  # fmt: skip
         case PlanSolver.EXACT:
-            return solve_exact(
+            return planner.solve_exact(
                 instance, cost=cost, stop=limit, all_vehicles=wanted.all_vehicles, params=wanted.params,
                 on_progress=on_progress,
             )  # fmt: skip
         case PlanSolver.SEARCH:
-            return solve(
-                instance, cost=cost, stop=wanted.build_stop_rule(NoImprovement(SETTLED)), seed=wanted.seed,
+            return planner.solve(
+                instance, cost=cost, stop=wanted.build_stop_rule(planner.NoImprovement(SETTLED)), seed=wanted.seed,
                 starts=wanted.threads, all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
             )  # fmt: skip
 
 
-def to_plan_window(found: ReplanWindow, instance: Instance) -> Window:
+def to_plan_window(found: planner.ReplanWindow, instance: planner.Instance) -> missions.Window:
     """Return a re-plan window as plan files keep it."""
     loss = None
     if found.breaking is not None:
         breaking = found.breaking
-        loss = BreakingLoss(instance.vehicles[breaking.vehicle].name, breaking.from_s, breaking.to_s)
-    return Window(found.window_pct, found.earliest_s, found.longest_route_s, loss)
+        loss = missions.BreakingLoss(instance.vehicles[breaking.vehicle].name, breaking.from_s, breaking.to_s)
+    return missions.Window(found.window_pct, found.earliest_s, found.longest_route_s, loss)
 
 
-def check_plan_fits(plan: PlanFile, ground: SiteModel, source: str) -> None:
+def check_plan_fits(plan: missions.PlanFile, ground: SiteModel, source: str) -> None:
     """Check that a plan file is what a site asks for: its figures are right, and the site is as it was then.
 
     Raises:
         PlanFileError: it is another site's, or the site has changed since: one line that says where.
     """
     check_plan_belongs(plan, ground, source)
-    for line in check_plan(plan, search_window=False):
-        raise PlanFileError(f"{source}: {line}; `faultline check` says more")
+    for line in missions.check_plan(plan, search_window=False):
+        raise missions.PlanFileError(f"{source}: {line}; `faultline check` says more")
     changed = describe_site_changes(plan, ground)
     if changed:
         more = f"; and {len(changed) - CHANGES_NAMED} more" if len(changed) > CHANGES_NAMED else ""
-        raise PlanFileError(f"{source}: the site has changed: {'; '.join(changed[:CHANGES_NAMED])}{more}: plan again")
+        raise missions.PlanFileError(
+            f"{source}: the site has changed: {'; '.join(changed[:CHANGES_NAMED])}{more}: plan again"
+        )
 
 
-def describe_site_changes(plan: PlanFile, ground: SiteModel) -> list[str]:
+def describe_site_changes(plan: missions.PlanFile, ground: SiteModel) -> list[str]:
     """Return in words where a site says something else now than when a plan was made for it.
 
     Args:
@@ -361,10 +339,12 @@ def describe_site_changes(plan: PlanFile, ground: SiteModel) -> list[str]:
     if barred := [segment for segment in plan.segments if segment.id in never]:
         return [f"{segment.display_name} {never[segment.id]}" for segment in barred]
     task = site_model.build_first_task(ground, [segment.id for segment in plan.segments])
-    nothing = Plan(tuple(Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments))))
+    nothing = planner.Plan(
+        tuple(planner.Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments)))
+    )
     inspection = None if plan.inspection is None else ground.inspection
-    now = make_plan_file(
-        ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection,
+    now = missions.make_plan_file(
+        ground.network, task, ground.travel, nothing, planner.Cost.MINMAX, plan.solved, inspection=inspection,
     )  # fmt: skip
     return list(
         _describe_differences(
@@ -373,12 +353,12 @@ def describe_site_changes(plan: PlanFile, ground: SiteModel) -> list[str]:
     )
 
 
-def _collect_site_facts(plan: PlanFile) -> dict[str, object]:
+def _collect_site_facts(plan: missions.PlanFile) -> dict[str, object]:
     """Return what a plan file says of the site that it was made for.
 
     Pads and layers are not among it: they are chosen by who else flies, and the next sortie does so without the lost.
     """
-    document = build_plan_document(plan)
+    document = missions.build_plan_document(plan)
     model = None if plan.pricing is None else {"power": asdict(next(iter(plan.pricing.models.values())).power)}
     # Whether a height limit is in anybody's way is a matter of layers.
     areas = [area for area in plan.areas if area.kind is not AreaKind.HEIGHT_LIMIT]
@@ -409,7 +389,7 @@ def _outline_area(area: Area) -> dict[str, object]:
     return {"name": area.name, "margin_m": area.margin_m, "width_m": area.width_m, "corners": rings}
 
 
-def _find_low_starts(pricing: Pricing, left: RemainingProblem) -> Iterator[str]:
+def _find_low_starts(pricing: missions.Pricing, left: planner.RemainingProblem) -> Iterator[str]:
     """Yield who is below its layer when it becomes free: it has inspected there last."""
     for vehicle, free in zip(left.instance.vehicles, left.survivors, strict=True):
         last = next(iter(free.completed[::-1]), None) if free.finishing is None else free.finishing
@@ -418,7 +398,7 @@ def _find_low_starts(pricing: Pricing, left: RemainingProblem) -> Iterator[str]:
             vehicle.airborne
             and last is not None
             and pricing.steps_m.get(vehicle.name)
-            and segment_of(last) not in layered
+            and planner.segment_of(last) not in layered
         ):
             yield vehicle.name
 
@@ -444,18 +424,20 @@ def _format_value(value: object) -> str:
     return f"{value:.7g}" if isinstance(value, float) else "not known" if value is None else str(value)
 
 
-def check_plan_belongs(plan: PlanFile, ground: SiteModel, source: str) -> None:
+def check_plan_belongs(plan: missions.PlanFile, ground: SiteModel, source: str) -> None:
     """Check that a plan file is about a site's vehicles and segments.
 
     Raises:
         PlanFileError: it has other vehicles, or segments that are not the site's.
     """
     if plan.names != ground.names:
-        raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)}, got {', '.join(plan.names)}")
+        raise missions.PlanFileError(
+            f"{source}: vehicles: expected {', '.join(ground.names)}, got {', '.join(plan.names)}"
+        )
     check_same_segments(plan, ground, source)
 
 
-def check_same_segments(plan: PlanFile | DayPlanFile, ground: SiteModel, source: str) -> None:
+def check_same_segments(plan: missions.PlanFile | missions.DayPlanFile, ground: SiteModel, source: str) -> None:
     """Check that a plan's segments, all of a site's or some of them, are where the site's are.
 
     Raises:
@@ -465,26 +447,26 @@ def check_same_segments(plan: PlanFile | DayPlanFile, ground: SiteModel, source:
     for segment in plan.segments:
         place = f"{source}: {segment.display_name}"
         if not 0 <= segment.id < len(ends_m):
-            raise PlanFileError(f"{place}: expected one of the site's {len(ends_m)} segments")
+            raise missions.PlanFileError(f"{place}: expected one of the site's {len(ends_m)} segments")
         off_m = np.abs(ends_m[segment.id] - np.array([segment.a_enu_m[:2], segment.b_enu_m[:2]])).max()
         if off_m > SAME_PLACE_M:
-            raise PlanFileError(
+            raise missions.PlanFileError(
                 f"{place}: expected where the site's {ground.network.segment_name(segment.id)} is, got {off_m:.1f} m "
                 "beside it"
             )
 
 
 def preview_loss(
-    plan: PlanFile,
+    plan: missions.PlanFile,
     lost: str,
     at_s: float,
     *,
-    cost: Cost,
+    cost: planner.Cost,
     seconds: float,
     seed: int,
     settled: int = SETTLED,
-    task: Task | None = None,
-) -> tuple[PlanFile, bool]:
+    task: missions.Task | None = None,
+) -> tuple[missions.PlanFile, bool]:
     """Re-plan a plan file for the loss of one vehicle at a time; returns too whether all that is left is inspected.
 
     It ends after so many `seconds`, or `settled` iterations without an improvement. `task` is the plan's own problem,
@@ -495,19 +477,21 @@ def preview_loss(
         planner.PlanError: nobody is left.
     """
     if lost not in plan.names:
-        raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(plan.names)}, got {lost}")
+        raise missions.PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(plan.names)}, got {lost}")
     task = task or plan.build_task()
-    left = build_remaining_problem(task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again)
-    stop = combine_stop_rules(Seconds(seconds), NoImprovement(settled))
-    result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
+    left = planner.build_remaining_problem(
+        task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again
+    )
+    stop = planner.combine_stop_rules(planner.Seconds(seconds), planner.NoImprovement(settled))
+    result = planner.replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
     pricing = plan.pricing and plan.pricing.select_segments(
         left.open_segments, (one.name for one in left.instance.vehicles)
     )
     if pricing is not None and plan.pricing is not None:
         pricing = replace(pricing, low_starts=frozenset(_find_low_starts(plan.pricing, left)))
-    reduced = Task(left.instance, left.open_segments, pricing)
-    solved = SolverRecord(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
-    content = make_plan_file(
+    reduced = missions.Task(left.instance, left.open_segments, pricing)
+    solved = missions.SolverRecord(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
+    content = missions.make_plan_file(
         plan.build_network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection,
     )  # fmt: skip
     return content.with_site_of(plan), result.feasible

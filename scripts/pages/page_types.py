@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from enum import Enum
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 from executor.adapters.web.snapshot import BesideFleet, BesideVehicle, PageAssets, PageChart
 from executor.analysis.report_map import ReportMap
@@ -61,7 +61,7 @@ def _interface(kind: type, wanted: dict[type, None]) -> Iterator[str]:
     yield f"/** {' '.join(inspect.cleandoc(kind.__doc__ or '').split())} */"
     yield f"export interface {kind.__name__} {{"
     for key, held in get_type_hints(kind).items():
-        if key == "model_config":
+        if get_origin(held) is ClassVar:
             continue
         if key in words:
             yield f"  /** {words[key]} */"

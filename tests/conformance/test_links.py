@@ -96,7 +96,7 @@ async def test_a_command_is_acknowledged_and_an_unknown_one_is_not_accepted(way:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = vehicle_commands.set_message_interval(radio_budget.GLOBAL_POSITION_INT, 5.0)
+        interval = vehicle_commands.set_message_interval(radio_budget.GLOBAL_POSITION_INT, 200_000.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         refused = await procedures.send_order(link, clock, CommandDialogue(SendCommand(NO_COMMAND), "nonsense"))
         assert not refused.accepted
@@ -109,7 +109,7 @@ async def test_a_mission_is_started_and_flown(way: Way) -> None:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = vehicle_commands.set_message_interval(radio_budget.GLOBAL_POSITION_INT, 5.0)
+        interval = vehicle_commands.set_message_interval(radio_budget.GLOBAL_POSITION_INT, 200_000.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         assert (await procedures.upload_and_verify(link, clock, dialect, route(dialect))).accepted
         done = await procedures.arm_and_start(link, clock, dialect)

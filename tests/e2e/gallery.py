@@ -20,7 +20,8 @@ from typing import Any, Self
 
 from playwright.async_api import Page, async_playwright, expect
 
-from executor.adapters.web import WebServer, WebSettings
+from executor.adapters.web.page_server import WebSettings
+from executor.adapters.web.server import WebServer
 from executor.core.context import Context
 from executor.core.fleet_view import (
     FleetView,

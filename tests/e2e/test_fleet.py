@@ -16,7 +16,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.core.battery.kalman import Prior
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.replay.run_replay import replay_run
-from executor.site.learned_files import build_learned_document, read_learned
+from executor.site.learned_files import LearnedDocument, build_learned_document
 from planner import PRESETS
 from simulator.truth import read_truths
 from tests.e2e.flights import (
@@ -245,8 +245,8 @@ async def test_what_one_flight_taught_is_where_the_next_one_begins(tmp_path: Pat
             assert flight.returncode == 0, err
             assert words in out + err
     run = RunDirectory(tmp_path / "run")
-    assert read_learned(run.learned_before).known_by_name["uav1"].consumption == known["uav1"].consumption
-    rows = {row.name: row for row in read_learned(run.learned).vehicles}
+    assert LearnedDocument.read(run.learned_before).known_by_name["uav1"].consumption == known["uav1"].consumption
+    rows = {row.name: row for row in LearnedDocument.read(run.learned).vehicles}
     assert rows["uav1"].inspect.legs > 30
     assert rows["uav2"].inspect.legs > 0
     # It is not thirsty today.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from playwright.async_api import Page, async_playwright, expect
 
-from executor.analysis.documents import read_report
+from executor.analysis.documents import FlightReport
 from executor.analysis.flight_record import FlightRecord, read_run
 from executor.analysis.report_page import render_report_page
 from executor.site import site_model
@@ -56,7 +56,7 @@ async def _showing(
     javascript: bool = True,
 ) -> AsyncIterator[Page]:
     """Open the report of a flight from a file; whatever it complains of fails the test."""
-    text = render_report_page(record, read_report(folder), {}, ground, below or {})
+    text = render_report_page(record, FlightReport.read(folder / "report.json"), {}, ground, below or {})
     (folder / "report.html").write_text(text, encoding="utf-8")
     complaints = list[str]()
     async with async_playwright() as playwright:
@@ -232,7 +232,8 @@ async def test_the_plan_page_shows_a_report_that_can_do_nothing_there(tmp_path: 
     run = tmp_path / "runs" / "20260101-080000"
     run.mkdir(parents=True)
     (run / "events.jsonl").touch()
-    (run / "report.html").write_text(render_report_page(record, read_report(tmp_path), {}, _site()), encoding="utf-8")
+    text = render_report_page(record, FlightReport.read(tmp_path / "report.json"), {}, _site())
+    (run / "report.html").write_text(text, encoding="utf-8")
     with opened(tmp_path, None) as server:
         async with browsing(f"http://127.0.0.1:{server.port}/api/report?run=runs/20260101-080000") as page:
             await _find(page, "0: inspected by uav2 at T+0:30")

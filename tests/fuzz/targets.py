@@ -24,7 +24,8 @@ from executor.adapters.mqtt.client import Outbox
 from executor.adapters.mqtt.intent_intake import IntakeRules, RefusedMessage, read_intent
 from executor.adapters.mqtt.publisher import Publisher
 from executor.adapters.mqtt.topics import MqttTopics
-from executor.adapters.web import WebServer, WebSettings
+from executor.adapters.web.page_server import WebSettings
+from executor.adapters.web.server import WebServer
 from executor.core import fleet_step
 from executor.core.fleet_view import build_fleet_view
 from executor.core.interface.events import Heard, IntentReceived, Tick

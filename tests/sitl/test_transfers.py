@@ -140,10 +140,10 @@ async def _switch_streams(port: int) -> None:
 
         first, frames = await find_on(), await count_frames()
         assert next(iter(unasked)) in first, "it is looked at to know whether they are off"
-        assert await procedures.send_to_streams(link, clock, unasked, vehicle_commands.stop_message) == ""
+        assert await procedures.set_streams(link, clock, unasked, vehicle_commands.NEVER_US) == ""
         assert await find_on() == set()
         fewer = await count_frames()
-        assert await procedures.send_to_streams(link, clock, unasked, vehicle_commands.reset_message) == ""
+        assert await procedures.set_streams(link, clock, unasked, vehicle_commands.UNASKED_US) == ""
         assert await find_on() == first
         print(f"px4: {sorted(first)} were on, {frames / 5.0:.0f} frames a second, {fewer / 5.0:.0f} without them")
         assert fewer < 0.8 * frames

@@ -19,19 +19,16 @@ from missions import ARDUPILOT
 from missions.autopilots.dialect import mode_name
 from missions.items import Frame, MissionItem
 
-MODE_REASONS: Mapping[int, messages.Actor] = MappingProxyType(
-    dict.fromkeys(
-        (1, 18, 42, 53), messages.Actor.PILOT
-    )  # mode switch, toy mode, transmitter's telemetry, its other switches
-    | dict.fromkeys((2, 32, 52), messages.Actor.GROUND_STATION)  # a command, a script, a computer on board
+MODE_REASONS: Mapping[int, messages.Actor] = MappingProxyType({
+    # mode switch, toy mode, transmitter's telemetry, its other switches; raised throttle ends a landing
+    **dict.fromkeys((1, 18, 42, 53, 9), messages.Actor.PILOT),
+    **dict.fromkeys((2, 32, 52), messages.Actor.GROUND_STATION),  # a command, a script, a computer on board
     # radio, battery, station, EKF, GPS, fence, terrain, avoidance and back, terminated, crash, any, leak, back from the
     # fence, radio and back, dead reckoning, take-off
-    | dict.fromkeys((3, 4, 5, 6, 7, 10, 11, 14, 15, 17, 19, 25, 29, 43, 48, 50, 51, 55), messages.Actor.FAILSAFE)
-    | dict.fromkeys(
-        (8, 12, 13, 16, 41, 45), messages.Actor.MISSION
-    )  # its end, brake's, flip's, throw's, an item, out of AUTO_RTL
-    | {9: messages.Actor.PILOT}  # raised throttle ends a landing
-)
+    **dict.fromkeys((3, 4, 5, 6, 7, 10, 11, 14, 15, 17, 19, 25, 29, 43, 48, 50, 51, 55), messages.Actor.FAILSAFE),
+    # its end, brake's, flip's, throw's, an item, out of AUTO_RTL
+    **dict.fromkeys((8, 12, 13, 16, 41, 45), messages.Actor.MISSION),
+})  # fmt: skip
 """ModeReason."""
 
 RESOLVED = 0
@@ -111,23 +108,8 @@ FIXED = 3
 CHANNELS = 14
 DO_SET_MODE, ACCEPTED = 176, frozenset({0, 5})
 ITEM = "CTot CNum CId Prm1 Prm2 Prm3 Prm4 Lat Lng Alt Frame"
-WANTED: Mapping[str, WantedColumns] = {
-    name: WantedColumns(frozenset(columns.split()), every_usec) for name, columns, every_usec in (
-        ("MODE", "Mode ModeNum Rsn", 0), ("ARM", "ArmState Method", 0), ("EV", "Id", 0), ("ERR", "Subsys ECode", 0),
-        ("RCIN", "C1 C2 C3 C4 C5 C6 C7 C8 C9 C10 C11 C12 C13 C14", 90_000),
-        ("BAT", "Inst Instance Volt Curr CurrTot RemPct", 450_000), ("CURR", "Inst Volt Curr CurrTot", 450_000),
-        ("POS", "Lat Lng Alt RelHomeAlt RelAlt", 950_000),
-        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ TimeMS Time", 950_000), ("XKF1", "C VN VE VD", 450_000),
-        ("NKF1", "VN VE VD", 450_000), ("EKF1", "VN VE VD", 450_000), ("ATT", "Roll Pitch", 190_000),
-        ("CTUN", "ThO ThrOut Alt DAlt", 950_000), ("MSG", "Message", 0), ("MISE", ITEM, 0), ("CMD", ITEM, 0),
-        ("MAVC", "Cmd P2 SS Res", 0), ("PARM", "Name Value", 0),
-    )
-}  # fmt: skip
-"""Columns read of each record, and how often."""
-_MODE_NUMBERS = {mode_name(ARDUPILOT, number).replace("_", "").upper(): number for number in range(29)} | {
-    "AUTO": 3,
-    "BRAKE": 17,
-}
+_MODE_NUMBERS = {mode_name(ARDUPILOT, number).replace("_", "").upper(): number for number in range(29)}
+_MODE_NUMBERS |= {"AUTO": 3, "BRAKE": 17}
 """Mode numbers by name; text logs hold the name."""
 ArduPilotMessages = messages.FlightMessage | tuple[messages.FlightMessage, ...] | None
 
@@ -229,7 +211,8 @@ def _read_command(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessage
 
 def _read_battery(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     remaining, consumed = fields.get("RemPct"), fields.get("CurrTot")
-    volts, amperes = (_scale_hundredths(fields[name]) for name in ("Volt", "Curr"))
+    # Whole numbers, of old firmware, count hundredths.
+    volts, amperes = (one / 100.0 if isinstance(one, int) else one for one in (fields["Volt"], fields["Curr"]))
     # MONITOR 3 has no current: both counters stay at nothing.
     counts = consumed is not None and (consumed > 0 or amperes > 0)
     battery = int(fields.get("Inst", fields.get("Instance", 0)))
@@ -245,11 +228,6 @@ def _read_battery(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMess
         charge_state=0,
         faults=0,
     )
-
-
-def _scale_hundredths(value: float) -> float:
-    """Return a voltage or a current: whole numbers, of old firmware, count hundredths."""
-    return value / 100.0 if isinstance(value, int) else value
 
 
 def _read_position(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
@@ -341,13 +319,21 @@ def _read_mission_item(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilot
     return messages.ListedItem(item)
 
 
-READERS: Mapping[str, Callable[[ArduPilotBoot, int, Fields], ArduPilotMessages]] = {
-    "MODE": _read_mode, "EV": _read_event, "ARM": _read_arming, "ERR": _read_error, "RCIN": _read_rc_channels,
-    "PARM": _read_parameter,
-    "MAVC": _read_command, "BAT": _read_battery, "CURR": _read_battery, "POS": _read_position, "GPS": _read_gps,
-    "XKF1": _read_velocity,
-    "NKF1": _read_velocity, "EKF1": _read_velocity, "ATT": _read_attitude, "CTUN": _read_throttle,
-    "MSG": _read_message, "MISE": _read_started_item,
-    "CMD": _read_mission_item,
-}  # fmt: skip
+_KINDS: tuple[tuple[str, Callable[[ArduPilotBoot, int, Fields], ArduPilotMessages], str, int], ...] = (
+    ("MODE", _read_mode, "Mode ModeNum Rsn", 0), ("ARM", _read_arming, "ArmState Method", 0),
+    ("EV", _read_event, "Id", 0), ("ERR", _read_error, "Subsys ECode", 0),
+    ("RCIN", _read_rc_channels, " ".join(f"C{one}" for one in range(1, CHANNELS + 1)), 90_000),
+    ("BAT", _read_battery, "Inst Instance Volt Curr CurrTot RemPct", 450_000),
+    ("CURR", _read_battery, "Inst Volt Curr CurrTot", 450_000),
+    ("POS", _read_position, "Lat Lng Alt RelHomeAlt RelAlt", 950_000),
+    ("GPS", _read_gps, "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ TimeMS Time", 950_000),
+    ("XKF1", _read_velocity, "C VN VE VD", 450_000), ("NKF1", _read_velocity, "VN VE VD", 450_000),
+    ("EKF1", _read_velocity, "VN VE VD", 450_000), ("ATT", _read_attitude, "Roll Pitch", 190_000),
+    ("CTUN", _read_throttle, "ThO ThrOut Alt DAlt", 950_000), ("MSG", _read_message, "Message", 0),
+    ("MISE", _read_started_item, ITEM, 0), ("CMD", _read_mission_item, ITEM, 0),
+    ("MAVC", _read_command, "Cmd P2 SS Res", 0), ("PARM", _read_parameter, "Name Value", 0),
+)  # fmt: skip
+WANTED = {name: WantedColumns(frozenset(columns.split()), every_usec) for name, _, columns, every_usec in _KINDS}
+"""Columns read of each record, and how often."""
+READERS = {name: read for name, read, *_ in _KINDS}
 """Readers by record type."""

@@ -352,13 +352,6 @@ def _read_mission_result(vehicle: Px4State, t_usec: int, row: TopicRow) -> messa
     return messages.MissionCurrent(*item)
 
 
-def build_status_text(level: int, text: str) -> messages.StatusText:
-    """Return a text of the log: its level is a digit, and its console's colours are no part of it."""
-    return messages.StatusText(
-        level - ord("0") if level >= ord("0") else level, formatting.escape_controls(_COLOUR.sub("", text))
-    )
-
-
 @dataclass(frozen=True, slots=True)
 class TopicReader:
     """How a topic is read."""
@@ -468,7 +461,10 @@ def _find_system(log: ULog) -> int:
 def _read_texts(log: ULog, began_usec: int) -> Iterator[_Turn]:
     for text in sorted(log.logged_messages, key=lambda one: one.timestamp):
         if _is_near(text.timestamp, began_usec):
-            yield int(text.timestamp), _repeat, build_status_text(text.log_level, str(text.message))
+            # Its level is a digit, and its console's colours are no part of it.
+            level = text.log_level - ord("0") if text.log_level >= ord("0") else text.log_level
+            words = formatting.escape_controls(_COLOUR.sub("", str(text.message)))
+            yield int(text.timestamp), _repeat, messages.StatusText(level, words)
 
 
 def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:

@@ -20,20 +20,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink import frame_layout, message_readers
-from executor.adapters.mavlink.frame_layout import (
-    CHECKSUM,
-    HEADS,
-    V1,
-    V2,
-    FrameRejection,
-    LinkSigning,
-    has_valid_checksum,
-    message_id_of,
-    payload_of,
-)
-from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
+from executor.adapters.mavlink.frame_layout import HEADS, V1, V2, FrameRejection, LinkSigning, message_id_of
+from executor.adapters.mavlink.message_readers import EVENT, Frame, StatusTextAssembler
 from executor.core import formatting
 from executor.core.interface import messages
+from executor.core.telemetry.mode_evidence import parse_px4_event
 from executor.core.telemetry.plausibility import filter_implausible
 from executor.core.telemetry.vehicle_identity import (
     AutopilotComponent,
@@ -43,8 +34,6 @@ from executor.core.telemetry.vehicle_identity import (
 from missions import MissionKind
 from missions.cameras import FIRST_COMPONENT
 
-SIGNATURE, SIGNED = 13, 1
-"""Bytes of a signature, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
 MARK = re.compile(b"[%c%c]" % (V1, V2))
 
 FILE_HEAD, FILE_BYTES = struct.Struct("<HBBBBBxI"), 251
@@ -101,12 +90,12 @@ class FrameParser:
         head = HEADS[buffer[at]]
         if at + head > len(buffer):
             return sys.maxsize
-        end, flags, number = at + head + buffer[at + 1] + CHECKSUM, 0, buffer[at + 5]
+        end, flags, number = at + head + buffer[at + 1] + frame_layout.CHECKSUM, 0, buffer[at + 5]
         if buffer[at] == V2:
             flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
-            end += SIGNATURE * (flags & SIGNED)
-        known = number in mav.mavlink_map or number == message_readers.EVENT
-        if flags & ~SIGNED or not (known or self._is_followed(end)):
+            end += frame_layout.SIGNATURE_BYTES * (flags & frame_layout.SIGNED_FLAG)
+        known = number in mav.mavlink_map or number == EVENT
+        if flags & ~frame_layout.SIGNED_FLAG or not (known or self._is_followed(end)):
             return at
         return end
 
@@ -119,7 +108,7 @@ class FrameParser:
         if end == at:
             return None
         data = self._buffer[at:end]
-        if message_id_of(data) == message_readers.EVENT and not has_valid_checksum(data, message_readers.EVENT_EXTRA):
+        if message_id_of(data) == EVENT and not frame_layout.has_valid_checksum(data, message_readers.EVENT_EXTRA):
             return None
         try:
             frame = _build_raw_frame(data) if self._is_unread_kind(data) else self._mav.decode(data)
@@ -143,9 +132,9 @@ def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
     """Return a frame that is not taken apart; None if its checksum is wrong."""
     number = message_id_of(data)
     kind = mav.mavlink_map.get(number)
-    return (
-        None if kind is not None and not has_valid_checksum(data, kind.crc_extra) else mav.MAVLink_unknown(number, data)
-    )
+    if kind is not None and not frame_layout.has_valid_checksum(data, kind.crc_extra):
+        return None
+    return mav.MAVLink_unknown(number, data)
 
 
 _KINDS = {int(kind): kind for kind in MissionKind}
@@ -157,7 +146,7 @@ _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
 
 Sender = tuple[int, int]
 """System and component that a frame names as its sender."""
-KEPT_BEATS = 8
+KEPT_BEATS, KEPT_EVENTS = 8, 64
 """An echo comes at once. Another station with our number says nearly the same in frames of other numbers."""
 
 
@@ -202,7 +191,8 @@ class MavlinkCodec:
     _sent: dict[int, int] = field(default_factory=dict)
     """How many frames went to each system: each is numbered as a stream of its own."""
     _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
-    _events: dict[int, message_readers.Px4EventDecoder] = field(default_factory=dict)
+    _events: dict[int, deque[tuple[int, int, int]]] = field(default_factory=dict)
+    """The last that each PX4 told: a ground station that missed one has it sent once more to all."""
     autopilots: dict[int, int] = field(default_factory=dict)
     """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
 
@@ -352,15 +342,14 @@ class MavlinkCodec:
 
     def _parse_px4_event(self, unknown: Frame) -> Iterator[messages.OwnFailsafe | messages.ModeChange]:
         raw, system = bytes(unknown.get_msgbuf()), unknown.get_srcSystem()
-        if message_id_of(raw) != message_readers.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
+        if message_id_of(raw) != EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
             return
         number, boot_ms, sequence, *_, arguments = message_readers.EVENT_LAYOUT.unpack(
-            payload_of(raw, message_readers.EVENT_LAYOUT.size)
+            frame_layout.payload_of(raw, message_readers.EVENT_LAYOUT.size)
         )
-        said = self._events.setdefault(system, message_readers.Px4EventDecoder()).decode(
-            number, boot_ms, sequence, arguments
-        )
-        if said is not None:
+        said, told = parse_px4_event(number, arguments), self._events.setdefault(system, deque(maxlen=KEPT_EVENTS))
+        if said is not None and (number, boot_ms, sequence) not in told:
+            told.append((number, boot_ms, sequence))
             yield said
 
     def _is_for_us(self, frame: Frame) -> bool:
@@ -396,7 +385,7 @@ def _find_target_offset(number: int) -> int | None:
 def target_of(frame: bytes) -> int:
     """Return the system that a whole frame is for; 0 for everybody."""
     at = _find_target_offset(message_id_of(frame))
-    return 0 if at is None else payload_of(frame, at + 1)[at]
+    return 0 if at is None else frame_layout.payload_of(frame, at + 1)[at]
 
 
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
@@ -438,21 +427,13 @@ def _read_heartbeat(frame: Frame) -> messages.Heartbeat | messages.StationHeard 
 
 
 def _make_mission_reader(
-    build: Callable[[Any, MissionKind], messages.Message], read_part: Callable[[Any], object]
+    build: Callable[..., messages.Message], read_part: Callable[[Any], object], *more: Callable[[Any], object]
 ) -> Any:  # noqa: ANN401
-    def read(frame: Frame) -> messages.Message | None:
-        kind = _KINDS.get(frame.mission_type)
-        return None if kind is None else build(read_part(frame), kind)
-
-    return read
-
-
-def _make_list_reader(build: Callable[..., messages.Message], read_number: Callable[[Any], int]) -> Any:  # noqa: ANN401
-    """Return a reader of MISSION_ACK or MISSION_COUNT, of a mission with the checksum that stands behind the rest."""
+    """Return a reader of what is said of a mission, a fence or rally points: a part, which list it is of, and more."""
 
     def read(frame: Frame) -> messages.Message | None:
         kind = _KINDS.get(frame.mission_type)
-        return None if kind is None else build(read_number(frame), kind, message_readers.read_opaque_id(frame))
+        return None if kind is None else build(read_part(frame), kind, *(one(frame) for one in more))
 
     return read
 
@@ -478,8 +459,8 @@ _READERS: dict[str, Any] = {
     "HEARTBEAT": _read_heartbeat,
     "MISSION_REQUEST": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
     "MISSION_REQUEST_INT": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
-    "MISSION_ACK": _make_list_reader(messages.MissionAck, attrgetter("type")),
-    "MISSION_COUNT": _make_list_reader(messages.MissionCount, attrgetter("count")),
+    "MISSION_ACK": _make_mission_reader(messages.MissionAck, attrgetter("type"), message_readers.read_opaque_id),
+    "MISSION_COUNT": _make_mission_reader(messages.MissionCount, attrgetter("count"), message_readers.read_opaque_id),
     "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemInt, message_readers.read_mission_item),
     "PARAM_ERROR": lambda frame: messages.ParamRefused(
         formatting.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST

@@ -16,6 +16,7 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
 
+from executor.adapters.listeners import Listeners
 from executor.adapters.mavlink.codec import DecodedFrame, FrameParser, MavlinkCodec, Sender
 from executor.adapters.mavlink.frame_layout import FrameRejection, LinkSigning
 from executor.core.interface import messages
@@ -44,10 +45,11 @@ def discard_frame(_: bytes) -> bool:
     return False
 
 
-class VehicleLink:
+class VehicleLink(Listeners):
     """Messages of one vehicle; an endpoint brings its frames and says where to write to."""
 
     def __init__(self, sysid: int, codec: MavlinkCodec, log: Callable[[bytes], None] = lambda _: None) -> None:
+        super().__init__()
         self.sysid = sysid
         self.component = AUTOPILOT
         self.counts = LinkCounts(missing=0)
@@ -64,7 +66,6 @@ class VehicleLink:
         """Called with every frame of the vehicle; whether it is news: the same may have come over another link."""
         self._codec = codec
         self._log = log
-        self._listeners: list[Callable[[messages.Message], None]] = []
         self._arrived = self._missing = 0
         """Frames of the autopilot alone: every component numbers its own."""
         self._told = (0, 0)
@@ -83,11 +84,6 @@ class VehicleLink:
         """The last HEARTBEATs as they came."""
         self._absent: set[int] = set()
         """Sequence numbers that were passed over, as long as they may still come."""
-
-    def listen(self, listener: Callable[[messages.Message], None]) -> Callable[[], None]:
-        """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
-        self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener)
 
     @property
     def peer(self) -> Hashable | None:
@@ -142,7 +138,7 @@ class VehicleLink:
             return
         for message in (told, *received.more):
             if message is not None:
-                self._dispatch(message)
+                self.hear(message)
 
     def _report_traffic(self) -> None:
         """Hand on what came and what did not, once it is enough to say something."""
@@ -151,7 +147,7 @@ class VehicleLink:
         if received + missing >= ENOUGH_FRAMES or self._beats_untold >= ENOUGH_BEATS:
             told = messages.Traffic(received, max(0, missing), self._bytes)
             self._told, self._bytes, self._beats_untold = (self._arrived, self._missing), 0, 0
-            self._dispatch(told)
+            self.hear(told)
 
     def count_refused(self, refusal: FrameRejection) -> None:
         """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
@@ -163,7 +159,7 @@ class VehicleLink:
             places = tuple(sorted(self._sources))
             if places != self._told_places:
                 self._told_places = places
-                self._dispatch(messages.DoubleHeard(self.sysid, places))
+                self.hear(messages.DoubleHeard(self.sysid, places))
         elif len(self._sources) < MOST_SOURCES:
             self._sources.add(source)
         self._source = source
@@ -179,15 +175,7 @@ class VehicleLink:
         told = received.message
         ordered = isinstance(told, messages.OrderSeen) and told.to in {0, self.sysid}
         if told is not None and (ordered or isinstance(told, messages.StationHeard | messages.Radio)):
-            self._dispatch(told)
-
-    def hear(self, message: messages.Message) -> None:
-        """Hand on what did not come over this link, and is about its vehicle."""
-        self._dispatch(message)
-
-    def _dispatch(self, message: messages.Message) -> None:
-        for listener in tuple(self._listeners):
-            listener(message)
+            self.hear(told)
 
     def _is_outdated(self, received: DecodedFrame) -> bool:
         """Return whether a HEARTBEAT is older than one that came before it: its mode is one that was.
@@ -380,16 +368,12 @@ def _end_when_unacknowledged(plug: socket.socket) -> None:
             plug.setsockopt(socket.IPPROTO_TCP, option, UNACKNOWLEDGED_MS)
 
 
-def _check_serial_ports() -> None:
-    if sys.platform == "win32":
-        raise OSError("a serial port is read on Linux and macOS (on Windows: WSL 2)")
-
-
 class _SerialPort:
     """One opened serial port; reads and writes never wait."""
 
     def __init__(self, router: Router, connection: Connection) -> None:
-        _check_serial_ports()
+        if sys.platform == "win32":
+            raise OSError("a serial port is read on Linux and macOS (on Windows: WSL 2)")
         import serial
 
         self.lost = asyncio.Event()

@@ -67,6 +67,7 @@ def _is_bitwise(kind: int, autopilot: int | None) -> bool:
 
 
 SIGNED_FLAG = 1
+"""The one flag that a receiver may not know (mavlink.io, Serialization)."""
 SIGNATURE_BYTES, TIMED_BYTES = 13, 12
 """Link id, time and hash; time and hash."""
 EPOCH_UNIX_S = 1420070400

@@ -15,6 +15,7 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
 
+from executor.adapters.listeners import Listeners
 from executor.adapters.mavlink.codec import Sender
 from executor.adapters.mavlink.endpoints import Tap, VehicleLink, leave_frame, open_mavlink_links
 from executor.core.interface import messages
@@ -50,11 +51,12 @@ FOLLOWS = 0.2
 REBOOTED_S = 5.0
 
 
-class JoinedLink:
+class JoinedLink(Listeners):
     """`ports.OpenLink` of a vehicle that has several connections."""
 
     def __init__(self, links: Sequence[VehicleLink], now_s: Callable[[], float]) -> None:
         """Join them, the preferred one first; `now_s` is the flight's time."""
+        super().__init__()
         self._links = tuple(links)
         self._now_s = now_s
         self._measures = [LinkHealth() for _ in links]
@@ -63,7 +65,6 @@ class JoinedLink:
         """Over which a transfer was begun last."""
         self._transferred_s = float("-inf")
         """When something of a transfer was sent last."""
-        self._listeners: list[Callable[[messages.Message], None]] = []
         self._frames: dict[bytes, tuple[int, float]] = {}
         self._said: deque[tuple[messages.Message, set[int], float]] = deque(maxlen=KEPT_SAID)
         """What was said, over which links it has come, and when first."""
@@ -134,11 +135,6 @@ class JoinedLink:
             for link, known in zip(self._links, self._measures, strict=True)
         )
 
-    def listen(self, listener: Callable[[messages.Message], None]) -> Callable[[], None]:
-        """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
-        self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener)
-
     def send(self, message: messages.Outgoing) -> None:
         """Send over the better link, and our heartbeat over all of them."""
         if isinstance(message, messages.SendHeartbeat):
@@ -198,8 +194,7 @@ class JoinedLink:
             case messages.Position():
                 self._measure_delay(number, message)
         if self._is_news(number, message):
-            for listener in tuple(self._listeners):
-                listener(message)
+            super().hear(message)
 
     def _measure_delay(self, number: int, position: messages.Position) -> None:
         known, behind_s = self._measures[number], self._now_s() - position.boot_s

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
@@ -25,7 +24,6 @@ from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, payload_of
 from executor.core import formatting
 from executor.core.interface import messages
 from executor.core.interface.recorded_log import MODE_COMMANDS
-from executor.core.telemetry.mode_evidence import parse_px4_event
 from missions import PX4, MissionItem
 from missions.cameras import PictureProof
 
@@ -321,8 +319,6 @@ EVENT_EXTRA = 160
 EVENT_LAYOUT = struct.Struct("<IIHBBB40s")
 """Number, the vehicle's clock in ms, sequence number, component and system that it is for, levels, arguments."""
 _NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
-REMEMBERED = 64
-"""Events that are recognised when they come again: a ground station that missed one has it sent once more to all."""
 
 
 def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | None:
@@ -336,23 +332,6 @@ def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> 
         return None
     frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *EVENT.to_bytes(3, "little"))) + payload
     return frame + int(x25crc(frame[1:] + bytes((EVENT_EXTRA,))).crc).to_bytes(CHECKSUM, "little")
-
-
-@dataclass(slots=True)
-class Px4EventDecoder:
-    """The events of one vehicle, each told once."""
-
-    _last: deque[tuple[int, int, int]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-
-    def decode(
-        self, number: int, boot_ms: int, sequence: int, arguments: bytes
-    ) -> messages.OwnFailsafe | messages.ModeChange | None:
-        """Return what an event says that is evidence, and was not said before."""
-        said = parse_px4_event(number, arguments)
-        if said is None or (number, boot_ms, sequence) in self._last:
-            return None
-        self._last.append((number, boot_ms, sequence))
-        return said
 
 
 PART_BYTES = 50

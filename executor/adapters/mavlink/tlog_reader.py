@@ -28,11 +28,7 @@ from executor.adapters.mavlink.frame_layout import HEADS, V1, V2, has_valid_chec
 from executor.adapters.mavlink.message_readers import Frame
 from executor.core.interface import messages
 from executor.core.interface.messages import DoubleHeard, FlightMessage, HeightTarget, ListedItem, Message, Traffic
-from executor.core.interface.recorded_log import (
-    Record,
-    RecordedFile,
-    is_wanted_setting,
-)
+from executor.core.interface.recorded_log import Record, RecordedFile, is_wanted_setting
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.plausibility import filter_implausible
 from missions import PX4

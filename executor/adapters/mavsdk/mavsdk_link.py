@@ -21,6 +21,7 @@ from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Protocol
 
 from executor.adapters.extras import Extra, require_extra
+from executor.adapters.listeners import Listeners
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import Heartbeat, Message, Outgoing, StationHeard
 from executor.core.interface.ports import LinkCounts, LinkRequest, LinkView
@@ -112,10 +113,11 @@ class Translator(Protocol):
         """Return the MAVLink message's name and fields, and a frame for the log; None if JSON cannot say it."""
 
 
-class MavsdkLink:
+class MavsdkLink(Listeners):
     """Messages of one vehicle through MAVSDK; lives on the event loop."""
 
     def __init__(self, order: LinkRequest, translator: Translator) -> None:
+        super().__init__()
         self.sysid = order.sysid
         self.connection = str(order.connection)
         self.ways, self.is_alive = (self,), True
@@ -124,7 +126,6 @@ class MavsdkLink:
         self._log = order.log
         self._translator = translator
         self._direct: MavlinkDirect | None = None
-        self._listeners: list[Callable[[Message], None]] = []
 
     @property
     def is_found(self) -> bool:
@@ -139,11 +140,6 @@ class MavsdkLink:
     def describe_links(self) -> tuple[LinkView, ...]:
         """It is one link: nothing is to be told apart."""
         return ()
-
-    def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
-        """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
-        self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener)
 
     def send(self, message: Outgoing) -> None:
         """Send one message; before the system is found there is nowhere to send it."""
@@ -173,11 +169,6 @@ class MavsdkLink:
         self._direct = None
         return kept
 
-    def dispatch(self, message: Message) -> None:
-        """Hand a message to everybody who listens."""
-        for listener in tuple(self._listeners):
-            listener(message)
-
     def _receive(self, message: MavlinkMessage) -> None:
         self.counts.received += 1
         read = _read(self._translator, message)
@@ -188,7 +179,7 @@ class MavsdkLink:
         for one in heard:
             if isinstance(one, Heartbeat):
                 self.component = message.component_id
-            self.dispatch(one)
+            self.hear(one)
 
 
 def _subscribe(system: System, name: str, take: Callable[[MavlinkMessage], None]) -> MavlinkDirect:
@@ -251,7 +242,7 @@ class _Systems:
             if isinstance(heard, StationHeard):
                 # On which connection it is MAVSDK does not say.
                 for link in self._links:
-                    link.dispatch(heard)
+                    link.hear(heard)
 
 
 @asynccontextmanager

@@ -8,18 +8,20 @@ ago) is not carried out now. Nothing of this needs aiomqtt.
 from __future__ import annotations
 
 import hmac
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AwareDatetime, Field, ValidationError, model_validator
 
-from executor.adapters.intent_body import IntentBody
+from executor.adapters.intent_body import ID, IntentBody
 from executor.core.forwarding import Bucket
 from executor.core.interface.codes import ReasonCode
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
 from missions import format_first_error
+from missions.files import find_object
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,6 @@ _ALLOWED = Bucket(MOST_A_SECOND, BURST)
 MOST_REASON = 200
 """Most characters of a refusal."""
 SOURCE = "mqtt"
-ID = r"^[A-Za-z0-9._:-]{1,64}$"
 NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 TOLD_EVERY_S = 10.0
 """Real seconds between two lines for the operator about refused messages."""
@@ -83,12 +84,6 @@ class IntentMessage(IntentBody):
         if not everybody and self.vehicle is None:
             raise ValueError(f"vehicle: expected a name, as {self.action} is for one of them")
         return self
-
-
-class _Named(BaseModel):
-    model_config = ConfigDict(strict=True)
-
-    id: Annotated[str, Field(pattern=ID)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,10 +138,8 @@ def _find_objection(
 
 def _id_of(payload: bytes) -> str | None:
     """Return the id of a message that is wrong elsewhere, so that its sender knows which one."""
-    try:
-        return _Named.model_validate_json(payload).id
-    except ValidationError:
-        return None
+    named = find_object(payload.decode(errors="replace")).get("id")
+    return named if isinstance(named, str) and re.fullmatch(ID, named) else None
 
 
 @dataclass(eq=False, repr=False)

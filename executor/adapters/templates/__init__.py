@@ -57,7 +57,6 @@ def _load_environment() -> Environment:
         "json": _encode_json,
         "digest": _compute_digest,
     }
-    found.tests |= {"figure": _is_figure}
     found.filters |= {"inlined": inline_script, "static": _read_static}
     return found
 
@@ -115,10 +114,6 @@ def format_value(value: object) -> str:
             return ", ".join(map(format_value, value)) or "none"
         case _:
             return str(value)
-
-
-def _is_figure(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def encode_data_url(content: bytes, kind: str) -> str:

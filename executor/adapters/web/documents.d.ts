@@ -209,7 +209,7 @@ export interface FlightPart {
 export interface ReportMap {
   frame: ReportFrame | null;
   segments: ReportSegment[];
-  areas: ReportArea[];
+  areas: PageArea[];
   places: ReportPlace[];
   vehicles: ReportVehicle[];
   plans: ReportPlan[];
@@ -567,13 +567,6 @@ export interface ReportSegment {
   planned: string | null;
   /** Whether it was taken over from a lost vehicle. */
   taken_over: boolean;
-}
-
-/** What flights keep out of. */
-export interface ReportArea {
-  name: string;
-  limit: boolean;
-  outlines_m: [number, number][][];
 }
 
 /** Where vehicles may land beside their pads. */

@@ -26,13 +26,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from executor.adapters.web.guard import (
-    ConnectionLimits,
-    ConnectionRegistry,
-    EventStream,
-    LatestValue,
-    WebConnection,
-)
+from executor.adapters.web import guard
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, run_beside
 from missions import Window
@@ -101,13 +95,13 @@ class PageServer(ABC):
         self,
         settings: WebSettings,
         on_error: ErrorHandler = lambda *_: None,
-        limits: ConnectionLimits | None = None,
+        limits: guard.ConnectionLimits | None = None,
     ) -> None:
         """Prepare a server; entering it makes it listen."""
         self._settings = settings
         self._on_error = on_error
-        self._limits = limits or ConnectionLimits()
-        self._newest = LatestValue()
+        self._limits = limits or guard.ConnectionLimits()
+        self._newest = guard.LatestValue()
         self._started, self._ended = threading.Event(), threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._server: uvicorn.Server | None = None
@@ -212,10 +206,10 @@ class PageServer(ABC):
             return
         loop = self._loop = asyncio.get_running_loop()
         loop.set_exception_handler(self._on_loop_error)
-        door = ConnectionRegistry(self._limits)
-        self._newest = LatestValue()
+        door = guard.ConnectionRegistry(self._limits)
+        self._newest = guard.LatestValue()
 
-        class AtThisDoor(WebConnection):
+        class AtThisDoor(guard.WebConnection):
             """What uvicorn makes of every connection."""
 
         AtThisDoor.door = door
@@ -247,7 +241,7 @@ class PageServer(ABC):
         return Response(file.read_bytes(), media_type=kind)
 
     async def _serve_events(self, request: Request) -> ASGIApp:  # noqa: ARG002
-        return EventStream(self._newest, self._limits)
+        return guard.EventStream(self._newest, self._limits)
 
 
 def _find_own_address() -> str:

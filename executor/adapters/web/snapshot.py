@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TypedDict
 
@@ -19,7 +19,7 @@ from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import Coverage, FleetState
 from missions import Phase, Window
 from missions.files import json_text
-from missions.no_fly_areas import AreaKind
+from missions.no_fly_areas import Area, AreaKind
 
 Place = tuple[float, float]
 """East and north of the depot, in metres."""
@@ -127,7 +127,7 @@ class _Track:
     def add(self, place: Place) -> None:
         if self.places and math.dist(self.places[-1], place) < self.step_m:
             return
-        self.places.append((round(place[0], 1), round(place[1], 1)))
+        self.places.append(round_place(place))
         if len(self.places) > MOST_POINTS:
             self.places = self.places[::2]
             self.step_m *= 2
@@ -168,7 +168,7 @@ class WebSnapshot:
         content = asdict(self.describe(self._context, state, now_s))
         for shown in content["vehicles"]:
             vehicle = state.vehicles[shown["name"]]
-            place = None if vehicle.motion.fix is None else _round_place(vehicle.motion.fix.place_m)
+            place = None if vehicle.motion.fix is None else round_place(vehicle.motion.fix.place_m)
             shown |= BesideVehicle(place_m=place, waypoint=vehicle.assignment.waypoint)
             if place is not None and vehicle.armed:
                 self._tracks[vehicle.name].add(place)
@@ -197,19 +197,12 @@ class WebSnapshot:
                 names=[self._context.segment_name(segment.id) for segment in setup.network.segments],
                 left_out=[one.id for one in setup.network.segments if one.id not in self._context.wanted | never],
                 unreachable=sorted(never),
-                areas=[
-                    PageArea(
-                        name=area.name,
-                        limit=area.kind is AreaKind.HEIGHT_LIMIT,
-                        outlines_m=[[_round_place(place) for place in ring] for ring in area.polygons_m()],
-                    )
-                    for area in setup.areas
-                ],
-                segments_m=[(_round_place(a), _round_place(b)) for a, b in setup.network.ends_m.tolist()],
+                areas=list_page_areas(setup.areas),
+                segments_m=[(round_place(a), round_place(b)) for a, b in setup.network.ends_m.tolist()],
                 vehicles=[
                     PageVehicle(
                         name=name,
-                        pad_m=_round_place((pads[name].east_m, pads[name].north_m)),
+                        pad_m=round_place((pads[name].east_m, pads[name].north_m)),
                         route=_build_route(state, name),
                         track_m=self._tracks[name].places,
                     )
@@ -261,11 +254,24 @@ def _build_route(state: FleetState, name: str) -> PageRoute | None:
         return None
     return PageRoute(
         revision=board.revision,
-        places_m=[_round_place(place) for place in board.places_m],
+        places_m=[round_place(place) for place in board.places_m],
         inspect=[waypoint.phase is Phase.INSPECT for waypoint in board.path.waypoints],
         segments=[track.segment for track in board.tracks],
     )
 
 
-def _round_place(place: Sequence[float]) -> Place:
+def list_page_areas(areas: Iterable[Area]) -> list[PageArea]:
+    """Return areas as maps in browsers show them."""
+    return [
+        PageArea(
+            name=area.name,
+            limit=area.kind is AreaKind.HEIGHT_LIMIT,
+            outlines_m=[[round_place(place) for place in ring] for ring in area.polygons_m()],
+        )
+        for area in areas
+    ]
+
+
+def round_place(place: Sequence[float]) -> Place:
+    """Return a place to a decimetre."""
     return round(place[0], 1), round(place[1], 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,15 +13,7 @@ from matplotlib.lines import Line2D
 
 from executor.analysis import flight_record
 from executor.analysis.pictures import map_sheet
-from executor.analysis.pictures.style import (
-    COLOURS,
-    FAINT,
-    INK,
-    PAPER,
-    VehicleStyle,
-    make_white_edge,
-    style_of,
-)
+from executor.analysis.pictures.style import COLOURS, FAINT, INK, PAPER, VehicleStyle, make_white_edge, style_of
 from executor.site.ground_view import GroundView
 from missions import NetworkImport, PlanFile
 from missions.geo import FloatArray
@@ -72,8 +64,10 @@ def _name_vehicles(
     lines = itertools.chain(ends_m, *(itertools.pairwise(np.array(route.way_m)) for route in routes))
     drawn = [sample_leg(np.stack(ends), 0.05 * sheet.m_per_in) for ends in lines]
     placer = map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
-    inspected = {route.vehicle: zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True) for route in routes}
-    middles = {name: _compute_middles_m(ends) for name, ends in inspected.items()}
+    middles: dict[str, FloatArray] = {}
+    for route in routes:
+        ends = zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True)
+        middles[route.vehicle] = np.array([np.mean(pair, axis=0) for pair in ends]).reshape(-1, 2)
     for name, places in middles.items():
         others = [np.zeros((0, 2)), *(other for key, other in middles.items() if key != name)]
         best = map_sheet.find_farthest(places, np.concatenate(others))
@@ -102,10 +96,6 @@ def _draw_route(sheet: map_sheet.MapSheet, route: flight_record.PlannedRoute, st
         effects = make_white_edge(width_pt + 1.6) if sheet.busy else []
         sheet.axes.plot(broken[:, 0], broken[:, 1], color=style.colour, lw=width_pt, zorder=4, path_effects=effects,
                         solid_capstyle="round")  # fmt: skip
-
-
-def _compute_middles_m(ends_m: Iterable[tuple[flight_record.Place, flight_record.Place]]) -> FloatArray:
-    return np.array([np.mean(pair, axis=0) for pair in ends_m]).reshape(-1, 2)
 
 
 def _build_plan_handles(styles: Mapping[str, VehicleStyle]) -> list[Artist]:

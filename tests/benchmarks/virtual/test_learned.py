@@ -15,7 +15,7 @@ from executor.core.interface.events import Event
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
-from executor.site.learned_files import learn_from_flight, read_learned
+from executor.site.learned_files import LearnedDocument, learn_from_flight
 from executor.site.site_model import SiteModel
 from missions import PlanFile, check_plan, read_plan, write_plan
 from simulator.config import SimVehicle
@@ -38,7 +38,7 @@ def test_the_next_flight_is_predicted_better(tmp_path: Path) -> None:
     ground = short_ground(tmp_path, 1, "ardupilot")
     first = flown(ground)
     learn_from_flight(first.context, first.state, {}, "2026-01-02").write(RunDirectory(tmp_path).learned)
-    document = read_learned(RunDirectory(tmp_path).learned)
+    document = LearnedDocument.read(RunDirectory(tmp_path).learned)
     [row] = document.vehicles
     assert row.consumption.mean == pytest.approx(1.15, abs=0.06)
     assert row.inspect.legs == 10
@@ -79,7 +79,7 @@ def test_a_slow_vehicle_is_foreseen_in_its_flight_and_in_the_next_one(tmp_path: 
     assert took_s > 1.04 * half["planned"], "by the plan it would have been faster"
     assert half["left"] == pytest.approx(took_s, rel=0.03)
     learn_from_flight(first.context, first.state, {}, "2026-01-02").write(RunDirectory(tmp_path).learned)
-    document = read_learned(RunDirectory(tmp_path).learned)
+    document = LearnedDocument.read(RunDirectory(tmp_path).learned)
     # A tenth slower, but for its stops.
     assert 1.06 < document.vehicles[0].inspect.mean < 1.11
     known = replace(ground, learned=document.known_by_name)
@@ -104,10 +104,10 @@ def test_a_wrong_file_is_named_with_its_key(tmp_path: Path, old: str, new: str, 
         '"consumption": {"mean": 1.0, "sd": 0.1, "minutes": 1.0}}]}',
         encoding="utf-8",
     )
-    assert read_learned(path).known_by_name["a"].inspect.legs == 1
+    assert LearnedDocument.read(path).known_by_name["a"].inspect.legs == 1
     path.write_text(path.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
     with pytest.raises(LogError, match=said) as error:
-        read_learned(path)
+        LearnedDocument.read(path)
     assert str(error.value).startswith(str(path))
     with pytest.raises(LogError, match="cannot be read"):
-        read_learned(tmp_path / "none.json")
+        LearnedDocument.read(tmp_path / "none.json")

@@ -35,7 +35,7 @@ from executor.flight import resume_flight
 from executor.flight.run_start import FlightRequest, read_run_start
 from executor.replay.run_replay import replay_run
 from executor.site import site_model
-from executor.site.learned_files import build_learned_document, learn_from_flight, read_learned, read_packs
+from executor.site.learned_files import LearnedDocument, PacksDocument, build_learned_document, learn_from_flight
 from executor.site.site_file import read_site
 from missions import SolverRecord, make_plan_file, write_plan
 from missions.files import write_document
@@ -157,7 +157,7 @@ def test_a_report_that_is_made_up_for_comes_with_what_the_packs_flew(tmp_path: P
     report = resume_flight.finish_report(run, replace(ended, state=state))
     assert report is not None
     assert "P1" in {row.pack for row in report.sorties}
-    assert "P1" in {one.label for one in read_packs(RunDirectory(run).packs).flights}
+    assert "P1" in {one.label for one in PacksDocument.read(RunDirectory(run).packs).flights}
 
 
 @pytest.mark.asyncio
@@ -170,7 +170,7 @@ async def test_a_flight_that_is_taken_up_leaves_what_it_taught(tmp_path: Path) -
     finished(run)
     assert not RunDirectory(run).learned.exists()
     assert (await resume_flight.resume_flight(run, Watchful())).finished
-    kept = read_learned(RunDirectory(run).learned)
+    kept = LearnedDocument.read(RunDirectory(run).learned)
     before = left(run)
     assert kept.vehicles == learn_from_flight(before.begun.context, before.state, {"uav1": known}, kept.date).vehicles
     rows = {row.name: row for row in kept.vehicles}

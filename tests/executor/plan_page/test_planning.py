@@ -15,7 +15,7 @@ import pytest
 import missions
 from executor.cli.main import main
 from executor.plan_page.plan_work import PlanSettings, answer_loss, make_plans
-from executor.plan_page.worker_site import read_site_model
+from executor.plan_page.site_view import read_site_model
 from tests.executor.plan_page.opened import DEMO_RADIUS, Opened, make_demo_site, opened
 from tests.patience import PATIENCE_S
 

@@ -24,7 +24,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle_commands.disarm(force=True),
             vehicle_commands.start_mission(),
             vehicle_commands.change_speed(4.5),
-            vehicle_commands.set_message_interval(33, 4.0),
+            vehicle_commands.set_message_interval(33, 250_000.0),
             vehicle_commands.request_message(148),
             vehicle_commands.run_prearm_checks(),
             vehicle_commands.send_banner(),

@@ -19,7 +19,7 @@ from executor.replay.replay_result import (
     format_pack_lines,
     merge_packs,
 )
-from executor.site.learned_files import PackEntry, read_packs
+from executor.site.learned_files import PackEntry, PacksDocument
 from tests.recorded import real_logs
 
 FLIGHT = PackEntry(
@@ -43,7 +43,7 @@ def test_a_capacity_is_what_was_counted_by_what_the_voltage_says_was_used() -> N
 def test_further_logs_add_to_what_is_known(tmp_path: Path) -> None:
     path = tmp_path / "packs.json"
     merge_packs([replayed("a.tlog", FLIGHT)]).write(path)
-    both = merge_packs([replayed("b.tlog", FLIGHT), replayed("a.tlog", FLIGHT)], read_packs(path))
+    both = merge_packs([replayed("b.tlog", FLIGHT), replayed("a.tlog", FLIGHT)], PacksDocument.read(path))
     assert [one.log for one in both.flights] == ["a.tlog", "b.tlog"]
     assert both.flights[0].minutes == 6.5
     assert both.flights[0].began_usec == 11_000_000
@@ -53,7 +53,7 @@ def test_further_logs_add_to_what_is_known(tmp_path: Path) -> None:
 def test_flights_are_known_by_the_label_of_their_pack(tmp_path: Path) -> None:
     path, two = tmp_path / "packs.json", FLIGHT.model_copy(update={"began_usec": 600_000_000, "pack": 2})
     merge_packs([replayed("a.tlog", FLIGHT), replayed("b.tlog", FLIGHT, two)], None, {1: "A7", 2: "B1"}).write(path)
-    known = read_packs(path)
+    known = PacksDocument.read(path)
     # Which of two packs has the label, nobody said.
     assert [(one.log, one.label) for one in known.flights] == [("a.tlog", "A7"), ("b.tlog", None), ("b.tlog", None)]
     again = merge_packs([replayed("a.tlog", FLIGHT)], known)
@@ -71,14 +71,14 @@ def test_the_label_is_that_of_the_site_it_is_replayed_with(tmp_path: Path) -> No
     site.write_text(site.read_text().replace("sysid = 41", f"sysid = {system}"))
     with pytest.raises(SystemExit):
         main.main(["replay", str(log), "--packs", str(path), "--site", str(site)])
-    assert [one.label for one in read_packs(path).flights] == ["A7"]
+    assert [one.label for one in PacksDocument.read(path).flights] == ["A7"]
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "packs.json"
     path.write_text('{"format": "faultline-learned/1", "flights": []}')
     with pytest.raises(LogError, match=r"packs\.json: .*format"):
-        read_packs(path)
+        PacksDocument.read(path)
 
 
 def test_a_recorded_flights_pack(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,7 +88,7 @@ def test_a_recorded_flights_pack(tmp_path: Path, capsys: pytest.CaptureFixture[s
         main.main(["replay", str(real_logs() / "nominal.tlog"), "--packs", str(path)])
     assert left.value.code == 0
     assert "by voltage Ah" in capsys.readouterr().out
-    [flight] = read_packs(path).flights
+    [flight] = PacksDocument.read(path).flights
     assert flight.cells == 3
     assert flight.ohm == pytest.approx(0.0105, abs=0.003)
     assert flight.least_ah is not None

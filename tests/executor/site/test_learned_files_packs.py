@@ -12,7 +12,7 @@ import pytest
 from executor.errors import LogError, SiteError
 from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model
-from executor.site.learned_files import load_site_packs, read_packs
+from executor.site.learned_files import PacksDocument, load_site_packs
 from executor.site.site_file import Site, check_site, read_site
 from executor.site.site_model import SiteModel
 from missions import SolverRecord, make_plan_file
@@ -96,7 +96,7 @@ def test_its_last_flights_count_by_their_dates(tmp_path: Path) -> None:
 
 def test_what_was_written_before_there_were_labels_is_read(tmp_path: Path) -> None:
     entry = {key: value for key, value in ENTRY.items() if key != "label"}
-    assert read_packs(written(tmp_path, entry)).flights[0].label is None
+    assert PacksDocument.read(written(tmp_path, entry)).flights[0].label is None
 
 
 @pytest.mark.parametrize("label", ["", "A 7", "x" * 33, "-7"])

@@ -18,9 +18,9 @@ import uvicorn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executor.adapters.web import WebServer, WebSettings
 from executor.adapters.web.guard import ConnectionLimits, EventStream, LatestValue, cookie_name_for
-from executor.adapters.web.page_server import STATIC, TYPES
+from executor.adapters.web.page_server import STATIC, TYPES, WebSettings
+from executor.adapters.web.server import WebServer
 from executor.adapters.web.snapshot import Describe
 from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.interface.events import IntentReceived
