@@ -403,13 +403,6 @@ def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
     )  # fmt: skip
 
 
-def build_ping_answer(ping: Ping, to: Peer) -> Outbound:
-    """Return the answer to a PING."""
-    return build_message(
-        "PING", time_usec=ping.time_usec, seq=ping.seq, target_system=to.sysid, target_component=to.compid
-    )
-
-
 def split_status_text(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
     """Yield the text in as many STATUSTEXT as it takes.
 
@@ -466,11 +459,7 @@ class VehicleOutbox:
         self.send(self._withheld)
         self._withheld.clear()
 
-    def drain(self) -> list[Outbound]:
-        """Take away what is to be sent."""
-        return [message for _, message in self.drain_by_link()]
-
-    def drain_by_link(self) -> list[tuple[int | None, Outbound]]:
+    def drain(self) -> list[tuple[int | None, Outbound]]:
         """Take away what is to be sent, and over which of its links; None is all of them."""
         messages, self._outbox = self._outbox, []
         return messages
