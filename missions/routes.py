@@ -158,7 +158,12 @@ class _PathBuilder:
         )
 
     def _fly_visit(self, number: int, visit: int) -> Iterator[Waypoint]:
-        start, end = self._inspection_m(visit)
+        segment = segment_of(visit)
+        if not 0 <= segment < len(self.setup.network.segments):
+            raise IndexError(f"visit {visit}: expected a segment below {len(self.setup.network.segments)}")
+        heights_m = self.setup.layers.track_heights_m[segment] + self._offset_m(segment)
+        a, b = np.column_stack((self.setup.tracks_m[segment], heights_m))
+        start, end = (b, a) if is_reversed(visit) else (a, b)
         turns_back, self.turns_back = self.turns_back, False
         pylon = self.setup.looks.pylons.get(segment_of(visit))
         if pylon is not None:
@@ -220,15 +225,6 @@ class _PathBuilder:
             standoff_m=inspection.standoff_m,
             reverse=is_reversed(visit),
         )
-
-    def _inspection_m(self, visit: int) -> tuple[FloatArray, FloatArray]:
-        """Return (3,) start and end of a visit's inspection leg."""
-        segment = segment_of(visit)
-        if not 0 <= segment < len(self.setup.network.segments):
-            raise IndexError(f"visit {visit}: expected a segment below {len(self.setup.network.segments)}")
-        heights_m = self.setup.layers.track_heights_m[segment] + self._offset_m(segment)
-        a, b = np.column_stack((self.setup.tracks_m[segment], heights_m))
-        return (b, a) if is_reversed(visit) else (a, b)
 
     def _offset_m(self, segment: int) -> float:
         """Return how far above the asked height it inspects a segment."""

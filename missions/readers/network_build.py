@@ -484,13 +484,6 @@ def _find_oddities(spans: _Spans, unused: Sequence[int], longest_m: float) -> It
     places_m = np.array([node.at_m for node in spans.nodes.nodes], dtype=np.float64)
     ends = np.array(spans.pairs, dtype=np.intp)
     ends_m = places_m[ends]
-    yield from _check_lengths(spans, ends_m, longest_m)
-    yield from _check_crossings(spans, ends_m, ends)
-    yield from _check_near_misses(spans, places_m, ends_m, ends)
-    yield from _check_unused(spans, places_m, ends_m, unused)
-
-
-def _check_lengths(spans: _Spans, ends_m: FloatArray, longest_m: float) -> Iterator[Remark]:
     lengths_m = np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T).tolist()
     by_line: dict[str, list[float]] = {}
     for length_m, label, line in zip(lengths_m, spans.labels, spans.lines, strict=True):
@@ -503,6 +496,9 @@ def _check_lengths(spans: _Spans, ends_m: FloatArray, longest_m: float) -> Itera
             yield Remark(
                 RemarkTopic.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?"
             )
+    yield from _check_crossings(spans, ends_m, ends)
+    yield from _check_near_misses(spans, places_m, ends_m, ends)
+    yield from _check_unused(spans, places_m, ends_m, unused)
 
 
 def _check_crossings(spans: _Spans, ends_m: FloatArray, ends: np.ndarray) -> Iterator[Remark]:

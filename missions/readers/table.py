@@ -137,7 +137,9 @@ def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetw
             warnings.simplefilter("ignore")  # of styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
         sheet = _select_sheet(book, choice)
-        hidden = _count_hidden_rows(archive, sheet)
+        # A sheet is read row by row and does not say itself how many rows people do not see.
+        path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
+        hidden = len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
         rows = _read_cells(sheet)
     found: list[Remark] = []
     if hidden:
@@ -160,12 +162,6 @@ def _read_cells(sheet: ReadOnlyWorksheet) -> list[tuple[str, Sequence[object]]]:
     sheet.reset_dimensions()  # what a sheet says of its own size may be anything
     rows = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
     return [(f"sheet {sheet.title!r} row {number}", row) for number, row in rows]
-
-
-def _count_hidden_rows(archive: Archive, sheet: ReadOnlyWorksheet) -> int:
-    """Return how many rows people do not see in a sheet, which is read row by row and does not say so itself."""
-    path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
-    return len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
 
 
 def _detect_delimiter(text: str) -> tuple[str, bool]:
@@ -295,7 +291,11 @@ def _build_member(
     if not is_pole or is_buried:
         drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
     x, y = (_read_coordinate(row, keys, mark) for keys in horizontal)
-    return _Member(_read_rank(row), row, x, y, is_pole, is_buried)
+    value = find_first_value(row.cells, ORDER)
+    rank = values.parse_pole_rank(value)
+    if rank is None:
+        raise NetworkError(f"{row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
+    return _Member(rank, row, x, y, is_pole, is_buried)
 
 
 def _find_system(
@@ -321,14 +321,6 @@ def _read_coordinate(row: _Row, keys: Sequence[str], mark: str | None) -> float:
     if figure is None or not is_figure(figure):
         raise NetworkError(f"{row.place}: {keys[0]}: expected a number, got {value!r}")
     return figure
-
-
-def _read_rank(row: _Row) -> values.PoleRank:
-    value = find_first_value(row.cells, ORDER)
-    rank = values.parse_pole_rank(value)
-    if rank is None:
-        raise NetworkError(f"{row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
-    return rank
 
 
 def _add_line(drawing: RawNetwork, line: str, members: list[_Member], system: Wgs84Transform, mark: str | None) -> None:
