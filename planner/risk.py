@@ -367,7 +367,9 @@ def _apply_repair(
         return state.apply_plan(left, plan)
     if gone:
         vehicle -= sum(one < vehicle for one in gone)
-        state = state.without_vehicles(gone)
+        # They have nothing left to inspect.
+        kept = [one for one in range(len(state.fleet)) if one not in gone]
+        state = _rebuild_state(state, kept, [state.plan.routes[one].visits for one in kept], {})
     answer = repair_plan(state, vehicle, at_s, effort=campaign.effort, fly_again=campaign.fly_again)
     return None if answer is None else state.apply_plan(*answer)
 
@@ -469,11 +471,6 @@ class FleetAfterLosses:
     def visit_values(self, vehicle: int) -> FloatArray:
         """Return (visits,) float64: what each visit of a vehicle's present route is worth."""
         return self.instance.value[[segment_of(visit) for visit in self.plan.routes[vehicle].visits]]
-
-    def without_vehicles(self, vehicles: Sequence[int]) -> FleetAfterLosses:
-        """Return the state when vehicles are lost that have nothing left to inspect."""
-        kept = [vehicle for vehicle in range(len(self.fleet)) if vehicle not in vehicles]
-        return _rebuild_state(self, kept, [self.plan.routes[vehicle].visits for vehicle in kept], {})
 
     def apply_plan(self, left: RemainingProblem, plan: Plan) -> FleetAfterLosses:
         """Return the state once a loss is answered by a plan for ``left.instance``.

@@ -123,18 +123,6 @@ class Nodes:
         self._add(Node("", lat_deg, lon_deg, at_m, drawn=False))
         return len(self.nodes) - 1
 
-    def discard_hinted_heights(self, used: Iterable[int], asset: str) -> None:
-        """Forget heights that count only if all poles on lines have them, where some have not."""
-        poles = [self.nodes[index] for index in used if self.nodes[index].drawn]
-        for key in ("elevation_m", "height_m"):
-            hinted = [node for node in poles if key in node.hinted]
-            known = sum(getattr(node, key) is not None for node in poles)
-            if hinted and known < len(poles):
-                text = f"{hinted[0].hinted[key]} is known of {known} of {len(poles)} poles: not used"
-                self.found.append(Remark(RemarkTopic.HEIGHTS, asset, text))
-            for node in hinted if known < len(poles) else ():
-                setattr(node, key, None)
-
     def name_unnamed(self, indices: Iterable[int]) -> None:
         """Name what has no name yet."""
         for index in indices:
@@ -452,7 +440,16 @@ def _assemble_network(drawing: RawNetwork, nodes: Nodes, spans: _Spans, mending:
     new_index = {old: new for new, old in enumerate(used)}
     # What a file has drawn as spans by their poles' names may have poles beside; they were never on a line.
     unused: Sequence[int] = [index for index, node in enumerate(nodes.nodes) if node.drawn and index not in new_index]
-    nodes.discard_hinted_heights(used, drawing.format)
+    # Hinted heights count only if all poles on lines have them.
+    poles = [nodes.nodes[index] for index in used if nodes.nodes[index].drawn]
+    for key in ("elevation_m", "height_m"):
+        hinted = [node for node in poles if key in node.hinted]
+        known = sum(getattr(node, key) is not None for node in poles)
+        if hinted and known < len(poles):
+            text = f"{hinted[0].hinted[key]} is known of {known} of {len(poles)} poles: not used"
+            nodes.found.append(Remark(RemarkTopic.HEIGHTS, drawing.format, text))
+        for node in hinted if known < len(poles) else ():
+            setattr(node, key, None)
     found = [*drawing.remarks, *nodes.found, *spans.found,
              *_find_oddities(spans, unused, mending.max_span_m or LONG_M)]  # fmt: skip
     pylons = (nodes.nodes[old] for old in used)
