@@ -20,7 +20,7 @@ from simulator.params import PACKED_PARAMETERS
 from simulator.physics import GPS_BIT, Home, Limits, Place, Vector, Velocity
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.streams import MESSAGE_IDS, Streams
-from simulator.telemetry import build_battery_status, build_sys_status
+from simulator.telemetry import build_sys_status, name_cells
 
 MAV_AUTOPILOT_ARDUPILOT = 3
 LIMITS = Limits(accelerate_m_s2=1.5, brake_m_s2=2.0, climb_m_s=2.5, descend_m_s=2.5, vertical_m_s2=1.0, corner_m_s2=2.5)
@@ -550,10 +550,11 @@ class ArduPilot(Autopilot):
             case "BATTERY_STATUS":
                 consumed = self._consumption_mah()
                 known = current >= 0
-                return build_battery_status(
-                    voltage_v=battery.voltage_v, current_ca=current, consumed_mah=round(consumed) if known else -1,
-                    energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
-                    remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
+                return messages.build_message(
+                    "BATTERY_STATUS", **name_cells(battery.voltage_v), type=0, battery_function=0,
+                    current_battery=current, current_consumed=round(consumed) if known else -1,
+                    energy_consumed=round(consumed * battery.rest_v * 0.036) if known else -1,
+                    battery_remaining=self._remaining_pct(), charge_state=1 + self._battery_level,
                 )  # fmt: skip
             case "EKF_STATUS_REPORT":
                 # The variances of a good estimate.

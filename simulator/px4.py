@@ -17,7 +17,7 @@ from simulator.physics import ALONE, GPS_BIT, Home, Place
 from simulator.px4_guided import LIMITS, MAIN_AUTO, Mode, Px4Guided, encode_custom_mode
 from simulator.store_px4 import Px4Store
 from simulator.streams import Streams
-from simulator.telemetry import build_battery_status, build_sys_status
+from simulator.telemetry import build_sys_status, name_cells
 
 WORDS = {
     "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
@@ -523,10 +523,12 @@ class Px4(Px4Guided):
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
-                return build_battery_status(
-                    voltage_v=battery.voltage_v, current_ca=self._current_ca(), energy_hj=-1,
-                    consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
-                    remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
+                # A lithium polymer pack for everything.
+                return messages.build_message(
+                    "BATTERY_STATUS", **name_cells(battery.voltage_v), type=1, battery_function=1,
+                    current_battery=self._current_ca(), energy_consumed=-1,
+                    current_consumed=round(consumed) if self.vehicle.current_sensor else -1,
+                    battery_remaining=round(battery.charge_pct), charge_state=self._charge_state,
                 )  # fmt: skip
             case "MISSION_CURRENT":
                 return messages.build_message(

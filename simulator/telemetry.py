@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol
 from simulator.airframe import Airframe
 from simulator.config import SimVehicle
 from simulator.guidance import find_target
-from simulator.messages import Outbound, build_message
+from simulator.messages import FieldValue, Outbound, build_message
 from simulator.physics import DRAG_PER_S, GRAVITY_M_S2, THRUST_TO_WEIGHT, Body, Home, Place, Positioning
 
 Builder = Callable[[], Outbound | None]
@@ -289,33 +289,11 @@ def _build_gps_raw(vehicle: Reporter) -> Outbound:
     )  # fmt: skip
 
 
-def build_battery_status(
-    *,
-    voltage_v: float,
-    current_ca: int,
-    consumed_mah: int,
-    energy_hj: int,
-    remaining_pct: int,
-    charge_state: int,
-    kind: int,
-) -> Outbound:
-    """Return BATTERY_STATUS as both autopilots fill it: the pack in the first cell, the rest unused.
-
-    Args:
-        voltage_v: of the pack.
-        current_ca: centiamperes, -1 unknown.
-        consumed_mah: -1 unknown.
-        energy_hj: hectojoules, -1 unknown.
-        remaining_pct: -1 unknown.
-        charge_state: MAV_BATTERY_CHARGE_STATE.
-        kind: MAV_BATTERY_TYPE, and function: 0 unknown, 1 lithium polymer for everything.
-    """
-    return build_message(
-        "BATTERY_STATUS", id=0, battery_function=kind, type=kind, temperature=INT16_MAX,
-        voltages=(round(voltage_v * 1000), *UNUSED_CELLS), current_battery=current_ca, current_consumed=consumed_mah,
-        energy_consumed=energy_hj, battery_remaining=remaining_pct, time_remaining=0, charge_state=charge_state,
-        voltages_ext=(0, 0, 0, 0), mode=0, fault_bitmask=0,
-    )  # fmt: skip
+def name_cells(voltage_v: float) -> dict[str, FieldValue]:
+    """Return what both autopilots say in BATTERY_STATUS: the pack in the first cell, the rest unused."""
+    cells = round(voltage_v * 1000), *UNUSED_CELLS
+    unused = dict.fromkeys(("id", "time_remaining", "mode", "fault_bitmask"), 0)
+    return {**unused, "temperature": INT16_MAX, "voltages": cells, "voltages_ext": (0, 0, 0, 0)}
 
 
 def build_sys_status(
