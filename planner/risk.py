@@ -248,7 +248,11 @@ class _FlightLog:
         chance = np.random.default_rng(chunk.seed)
         shape, values = (chunk.flights, len(campaign.plan.routes)), len(campaign.mtbf_h)
         life = chance.standard_exponential(shape)
-        factor = _draw_factors(chance, campaign.battery_spread_pct / 100.0, shape)
+        # Of consumption, normal about 1 and drawn again where they are not positive.
+        spread = campaign.battery_spread_pct / 100.0
+        factor = chance.normal(1.0, spread, shape)
+        while np.any(wrong := factor <= 0):
+            factor[wrong] = chance.normal(1.0, spread, int(wrong.sum()))
         charge = np.array([vehicle.budget_pct for vehicle in campaign.instance.vehicles]) + campaign.reserve_pct
         total, policies = values * chunk.flights, campaign.max_losses + 1
         return _FlightLog(
@@ -260,14 +264,6 @@ class _FlightLog:
             culprit=np.full(total, -1, dtype=np.int64),
             culprit_s=np.zeros(total),
         )
-
-
-def _draw_factors(chance: np.random.Generator, spread: float, shape: tuple[int, int]) -> FloatArray:
-    """Return factors of consumption, normal about 1 and drawn again where they are not positive."""
-    factors = chance.normal(1.0, spread, shape)
-    while np.any(wrong := factors <= 0):
-        factors[wrong] = chance.normal(1.0, spread, int(wrong.sum()))
-    return factors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -397,14 +397,13 @@ class ArduPilot(Autopilot):
             self._watch_battery()
             self._watch_fence()
 
-    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
-        return sender.sysid == self.params["MAV_GCS_SYSID"]
-
-    def _on_gcs_heartbeat(self) -> None:
-        if self._gcs_failsafe:
+    def _hear_station(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
+        counts = sender.sysid == self.params["MAV_GCS_SYSID"]
+        if counts and self._gcs_failsafe:
             # It stays in the mode that the failsafe chose.
             self._gcs_failsafe = False
             self.voice.send_text(messages.Severity.WARNING, "GCS Failsafe Cleared")
+        return counts
 
     def _watch_fence(self) -> None:
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""

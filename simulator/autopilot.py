@@ -379,12 +379,8 @@ class Autopilot(ABC):
         """Forget what a restart forgets."""
 
     @abstractmethod
-    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:
-        """Return whether this heartbeat holds the failsafe."""
-
-    @abstractmethod
-    def _on_gcs_heartbeat(self) -> None:
-        """React to a heartbeat that counts, just before it is noted."""
+    def _hear_station(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:
+        """React to a heartbeat just before it is noted; returns whether it holds the failsafe."""
 
     @abstractmethod
     def _build_own(self, name: str) -> messages.Outbound | None:
@@ -469,8 +465,7 @@ class Autopilot(ABC):
             self.frame.record_event(order, sender.sysid)
         match body:
             case messages.Heartbeat():
-                if self._is_gcs_heartbeat(sender, body):
-                    self._on_gcs_heartbeat()
+                if self._hear_station(sender, body):
                     self.gcs_heard_s = self.now_s
             case messages.Command():
                 self._handle_command(sender, body)

@@ -373,14 +373,12 @@ class Px4(Px4Guided):
         elif now is messages.LandedState.LANDING and self.mode == Mode.RETURN:
             self.voice.send_text(messages.Severity.INFO, "RTL: land at destination")
 
-    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
-        return heartbeat.ground_station
-
-    def _on_gcs_heartbeat(self) -> None:
-        if self._link_lost:
+    def _hear_station(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
+        if heartbeat.ground_station and self._link_lost:
             self._link_lost = False
             self.voice.release_withheld()
             self.voice.send_text(messages.Severity.INFO, "GCS connection regained")
+        return heartbeat.ground_station
 
     def _load_fence(self) -> None:
         """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""

@@ -146,7 +146,14 @@ def _read(
     window = find_window(dataset, locate_cells(dataset, crs, wanted.sample_places_deg()), BEYOND_PIXELS)
     if window is None:
         return None
-    few = _decimation(path, dataset, window, wanted)
+    # How many pixels of the file become one, on a side.
+    few = max(1.0, math.sqrt(window.width * window.height / wanted.most_pixels) / FINER)
+    overviews = max([1, *dataset.overviews(1)])
+    if window.width * window.height > MOST_READ * min(overviews, few) ** 2:
+        raise BackgroundError(
+            f"{path}: overviews: expected some in a picture of {dataset.width} by {dataset.height} pixels: gdaladdo "
+            "makes them"
+        )
     if may_be_coarser and few >= 2.0:
         return None
     shape = (max(1, round(window.height / few)), max(1, round(window.width / few)))
@@ -198,18 +205,6 @@ def _check_bands(path: Path, dataset: rasterio.DatasetReader) -> None:
         raise BackgroundError(
             f"{path}: band 1: expected a picture of 8 or 16 bits, got {kind}: is it a raster of heights?"
         )
-
-
-def _decimation(path: Path, dataset: rasterio.DatasetReader, window: Window, wanted: PictureArea) -> float:
-    """Return how many pixels of the file become one, on a side."""
-    few = max(1.0, math.sqrt(window.width * window.height / wanted.most_pixels) / FINER)
-    overviews = max([1, *dataset.overviews(1)])
-    if window.width * window.height > MOST_READ * min(overviews, few) ** 2:
-        raise BackgroundError(
-            f"{path}: overviews: expected some in a picture of {dataset.width} by {dataset.height} pixels: gdaladdo "
-            "makes them"
-        )
-    return few
 
 
 def _read_pixels(dataset: rasterio.DatasetReader, window: Window, shape: tuple[int, int]) -> Pixels:
