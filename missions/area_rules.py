@@ -52,7 +52,12 @@ def apply_areas(setup: FlightSetup, areas: Sequence[Area], alternates: Sequence[
         SafetyError: the depot or a pad is in an area, or no way leads from one to the other.
     """
     kept_out = tuple(_build_restrictions(setup, areas))
-    _check_depot(kept_out)
+    for one in kept_out:
+        if build_area_graph(one.area).is_inside(np.zeros((1, 2)))[0]:
+            raise SafetyError(
+                f"depot: expected {one.area.margin_m:g} m or more outside of area {one.area.name!r}, got a place in it"
+                f"{describe_height_limit(one)}"
+            )
     kept_out = (*kept_out, *_restrict_unknown_ground(setup, kept_out))
     found = replace(setup, areas=tuple(areas), kept_out=kept_out, alternates=tuple(alternates))
     return replace(found, unreachable=tuple(_find_unreachable(found)))
@@ -127,15 +132,6 @@ def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
     places = np.concatenate((np.column_stack((east.ravel(), north.ravel())), corners, on_tracks))
     places = places[((places >= low) & (places <= high)).all(axis=1)]
     return np.asarray(places[build_area_graph(area).is_inside(places)])
-
-
-def _check_depot(kept_out: Sequence[AreaRestriction]) -> None:
-    for one in kept_out:
-        if build_area_graph(one.area).is_inside(np.zeros((1, 2)))[0]:
-            raise SafetyError(
-                f"depot: expected {one.area.margin_m:g} m or more outside of area {one.area.name!r}, got a place in it"
-                f"{describe_height_limit(one)}"
-            )
 
 
 def describe_height_limit(one: AreaRestriction) -> str:

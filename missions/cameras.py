@@ -244,48 +244,10 @@ class CameraTasks:
         own = self.carriers.get(vehicle, frozenset()) - set(broken)
         return frozenset(segment for segment in (*self.spans, *self.pylons) if not self.cameras_for(segment) <= own)
 
-    def build_captures(self, segment: int, *, height_m: float, standoff_m: float, reverse: bool) -> tuple[Capture, ...]:
-        """Return what cameras do along one segment.
-
-        Args:
-            segment: Which.
-            height_m: Of the flight over the line.
-            standoff_m: Beside it, to the right of the direction from a to b.
-            reverse: Whether it is flown from b to a.
-        """
-        below_deg, found = math.degrees(math.atan2(height_m, standoff_m)), list[Capture]()
-        for look in self.spans.get(segment, ()):
-            camera, pitch_deg, yaw_deg = self.cameras[look.camera], None, None
-            if camera.gimbal:
-                pitch_deg = round(-below_deg if look.pitch_deg is None else look.pitch_deg)
-                yaw_deg = 0 if pitch_deg <= -90 else 90 if reverse else -90
-            aimed = pitch_deg, yaw_deg, look.aim_deg
-            found.append(Capture(camera.name, camera.id, look.trigger, look.every_m, *aimed))
-        return tuple(found)
-
     @property
     def deepest_m(self) -> float:
         """How far the lowest viewpoint of all lies below the common surface."""
         return max((look.deepest_m for look in self.pylons.values()), default=0.0)
-
-    def build_capture_at(
-        self, look: PylonCameraTask, stop: PylonStop, up_m: float, region: Region | None = None
-    ) -> Capture:
-        """Return what is done at a stop, once the vehicle has come to rest there.
-
-        Args:
-            look: What its pylon asks for.
-            stop: One with viewpoints.
-            up_m: The vehicle's height over the depot's ground.
-            region: The target, where that is a region of interest.
-        """
-        camera = self.cameras[look.camera]
-        pitch_deg = look.pitch_from_deg(stop.place_m, up_m) if camera.gimbal else None
-        yaw_deg = look.points[stop.points[0]].yaw_deg if camera.gimbal or region is not None else None
-        return Capture(
-            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True, region=region,
-            points=stop.points,
-        )  # fmt: skip
 
 
 NO_LOOKS = CameraTasks()

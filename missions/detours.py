@@ -66,19 +66,13 @@ class DetourObstacles:
             return ways
         centres_m = np.array(self.centres_m)
         near_m = self._ends_off_m(starts_m, goals_m)
-        for number in self._find_blocked_ways(near_m, starts_m, ways, goals_m):
-            others_m = centres_m[near_m[number] >= self.radius_m]
-            ways[number] = self._avoid_columns(others_m, starts_m[number], ways[number], goals_m[number])
-        return ways
-
-    def _find_blocked_ways(
-        self, near_m: FloatArray, starts_m: FloatArray, ways: list[FloatArray], goals_m: FloatArray
-    ) -> IntArray:
-        """Return (k,) which ways lead through a column that neither of their ends is in."""
         stops = [np.vstack((start, way, goal)) for start, way, goal in zip(starts_m, ways, goals_m, strict=True)]
         owner = np.repeat(np.arange(len(ways)), [len(one) - 1 for one in stops])
         legs_m = np.concatenate([np.stack((one[:-1], one[1:]), axis=1) for one in stops])
-        return np.unique(owner[self._is_through_column(legs_m, near_m[owner])])
+        for number in np.unique(owner[self._is_through_column(legs_m, near_m[owner])]):
+            others_m = centres_m[near_m[number] >= self.radius_m]
+            ways[number] = self._avoid_columns(others_m, starts_m[number], ways[number], goals_m[number])
+        return ways
 
     def _ends_off_m(self, starts_m: FloatArray, goals_m: FloatArray) -> FloatArray:
         """Return (n, c) how far the nearer end of ways is from each column's middle."""

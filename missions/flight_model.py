@@ -204,11 +204,6 @@ class Performance:
         sines = half_turn_sines(before_m, after_m) ** self.corner_power
         return np.asarray(self.pass_s + self.corner_s * sines * speed_m_s / CORNER_M_S)
 
-    def take_off_s(self, climb_m: FloatArray) -> FloatArray:
-        """Return the times from the order to take off until it stands over its pad."""
-        slow_m = np.minimum(climb_m, self.take_off_below_m)
-        return np.asarray(self.spool_s + slow_m / self.take_off_m_s + (climb_m - slow_m) / self.climb_m_s)
-
     def landing_s(self, drop_m: FloatArray) -> FloatArray:
         """Return the times from standing over its pad until its motors have stopped."""
         slow_m = np.minimum(drop_m, self.land_below_m)
@@ -367,8 +362,9 @@ class FlightModel:
         return float(self._rates_pct_per_s(np.zeros(2)))
 
     def price_take_off(self, climb_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of climbs from the pad."""
-        seconds = self.performance.take_off_s(climb_m)
+        """Return seconds and energies of climbs from the pad, from the order to take off until it stands over that."""
+        own, slow_m = self.performance, np.minimum(climb_m, self.performance.take_off_below_m)
+        seconds = np.asarray(own.spool_s + slow_m / own.take_off_m_s + (climb_m - slow_m) / own.climb_m_s)
         return seconds, np.asarray((seconds + CLIMB_SHARE_PER_M_S * climb_m) * self.hover_pct_per_s)
 
     def price_landing(self, drop_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -391,7 +387,13 @@ class FlightModel:
         transit_s, transit_pct = self._price_transit(facing_m, legs_m, self.performance.hold_s)
         before_m = arrival_vectors_m(down, np.where(away[..., np.newaxis], legs_m[..., -1, :], facing_m))
         fast_m_s = np.where(away, self.transit_speed_m_s, self.inspection_speed_m_s)
-        inspect_s, inspect_pct = self._price_inspection(before_m, self._arrival_speed_m_s(before_m, fast_m_s), along_m)
+        shape, own, pace = along_m.shape[:-1], self.performance, self.pace.inspect
+        inspect_s, inspect_pct = self.price_legs(
+            along_m, np.full(shape, self.inspection_speed_m_s), np.full(shape, 2.0)
+        )
+        turns_s = own.turns_s(before_m, along_m, self._arrival_speed_m_s(before_m, fast_m_s))
+        stays_s = own.settle_s + (own.hold_s + turns_s)
+        inspect_s, inspect_pct = pace * (inspect_s + stays_s), pace * (inspect_pct + stays_s * self.hover_pct_per_s)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
@@ -417,14 +419,6 @@ class FlightModel:
         stays_s = own.settle_s + (hold_s + own.turns_s(before_m, legs_m[..., 0, :], arrives_m_s))
         stays_s = stays_s + own.corners_s(legs_m[..., :-1, :], legs_m[..., 1:, :], speed_m_s[..., 1:]).sum(axis=-1)
         return pace * (seconds.sum(axis=-1) + stays_s), pace * (pct.sum(axis=-1) + stays_s * self.hover_pct_per_s)
-
-    def _price_inspection(
-        self, before_m: FloatArray, arrives_m_s: FloatArray, along_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        shape, own, pace = along_m.shape[:-1], self.performance, self.pace.inspect
-        seconds, pct = self.price_legs(along_m, np.full(shape, self.inspection_speed_m_s), np.full(shape, 2.0))
-        stays_s = own.settle_s + (own.hold_s + own.turns_s(before_m, along_m, arrives_m_s))
-        return pace * (seconds + stays_s), pace * (pct + stays_s * self.hover_pct_per_s)
 
     def _arrival_speed_m_s(self, before_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
         return self.performance.arrival_speed_m_s(np.hypot(before_m[..., 0], before_m[..., 1]), speed_m_s)

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from missions.errors import SafetyError
-from missions.geo import BoolArray, FloatArray
+from missions.geo import FloatArray
 from missions.geometry import distances_between_m, place_distances_m
 from missions.no_fly_areas import Area, AreaKind
 from missions.shortest_ways import VisibilityGraph, build_obstacle, build_visibility_graph
@@ -184,7 +184,13 @@ def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float
         done[node] = True
         reach_m = length_m[node] + distances_between_m(nodes, nodes[[node]])[:, 0]
         nearer = np.flatnonzero(reach_m < length_m - 1e-9)
-        seen = nearer[_is_clear(nodes[node], nodes[nearer], centres_m, radius_m)]
+        # As in `way_around_m` for legs from one place, by squares and by component: a way around takes its time here.
+        along_e, along_n = (nodes[nearer] - nodes[node]).T
+        off_e, off_n = (centres_m - nodes[node]).T[..., np.newaxis]
+        share = (off_e * along_e + off_n * along_n) / np.maximum(along_e**2 + along_n**2, 1e-12)
+        np.clip(share, 0.0, 1.0, out=share)
+        apart = (off_e - share * along_e) ** 2 + (off_n - share * along_n) ** 2
+        seen = nearer[~(apart < (radius_m - 1e-9) ** 2).any(axis=0)]
         length_m[seen], before[seen] = reach_m[seen], node
         for other in seen.tolist():
             heapq.heappush(queue, (float(reach_m[other] + to_goal_m[other]), other))
@@ -194,14 +200,3 @@ def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float
         way.append(node)
         node = int(before[node])
     return way[::-1]
-
-
-def _is_clear(start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float) -> BoolArray:
-    """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
-    # As in `way_around_m` for legs from one place, by squares and by component: a way around takes its time here.
-    along_e, along_n = (goals_m - start_m).T
-    off_e, off_n = (centres_m - start_m).T[..., np.newaxis]
-    share = (off_e * along_e + off_n * along_n) / np.maximum(along_e**2 + along_n**2, 1e-12)
-    np.clip(share, 0.0, 1.0, out=share)
-    apart = (off_e - share * along_e) ** 2 + (off_n - share * along_n) ** 2
-    return np.asarray(~(apart < (radius_m - 1e-9) ** 2).any(axis=0))

@@ -184,21 +184,6 @@ class Pricing:
             self.layered.get(vehicle, frozenset()),
         )
 
-    def price_visit_extras(self, flier: VehicleMoves) -> FloatArray:
-        """Return (2, 2n) float64: seconds and energy that visits take a vehicle besides.
-
-        That is more than any battery holds where the vehicle is barred from a visit, or a lock forbids it.
-        """
-        more = np.zeros((2, 2 * len(self.tracks_m)))
-        from_layer = {segment: self.in_layer_s[segment] for segment in flier.layered & self.in_layer_s.keys()}
-        for segment, seconds in {**self.besides_s, **from_layer}.items():
-            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * flier.model.hover_pct_per_s]]
-        for segment in (*flier.barred, *flier.locked):
-            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
-        for segment, is_turned in self.directions.items():
-            more[1, visit_of(segment, not is_turned)] += BARRED_PCT
-        return more
-
     def _build_obstacles(self, vehicle: str, *, around: bool) -> DetourObstacles:
         areas = tuple(build_obstacle(one.area) for one in self.kept_out if vehicle in one.vehicles)
         areas += self.closed.get(vehicle, ())
@@ -313,7 +298,15 @@ def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> tuple[PricedMoves,
     profiles = tuple(dict.fromkeys(fliers))
     besides = np.zeros((2, len(profiles), len(first_m)))
     for number, flier in enumerate(profiles):
-        besides[:, number] = pricing.price_visit_extras(flier)
+        # Where it is barred, or a lock forbids it, a visit takes more than any battery holds.
+        more = besides[:, number]
+        from_layer = {segment: pricing.in_layer_s[segment] for segment in flier.layered & pricing.in_layer_s.keys()}
+        for segment, seconds in {**pricing.besides_s, **from_layer}.items():
+            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * flier.model.hover_pct_per_s]]
+        for segment in (*flier.barred, *flier.locked):
+            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
+        for segment, is_turned in pricing.directions.items():
+            more[1, visit_of(segment, not is_turned)] += BARRED_PCT
     return PricedMoves(first_m, last_m, profiles, besides), tuple(map(profiles.index, fliers))
 
 

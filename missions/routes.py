@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.cameras import Capture, PylonCameraTask, PylonStop, Region
+from missions.cameras import Capture, PylonCameraTask, PylonStop, Region, Trigger
 from missions.flight_model import SAME_PLACE_M
 from missions.geo import FloatArray
 from missions.geometry import find_nearest_on_legs
@@ -158,22 +158,27 @@ class _PathBuilder:
         )
 
     def _fly_visit(self, number: int, visit: int) -> Iterator[Waypoint]:
-        start, end = self._inspection_m(visit)
+        segment = segment_of(visit)
+        if not 0 <= segment < len(self.setup.network.segments):
+            raise IndexError(f"visit {visit}: expected a segment below {len(self.setup.network.segments)}")
+        heights_m = self.setup.layers.track_heights_m[segment] + self._offset_m(segment)
+        a, b = np.column_stack((self.setup.tracks_m[segment], heights_m))
+        start, end = (b, a) if is_reversed(visit) else (a, b)
         turns_back, self.turns_back = self.turns_back, False
-        pylon = self.setup.looks.pylons.get(segment_of(visit))
+        pylon = self.setup.looks.pylons.get(segment)
         if pylon is not None:
             if turns_back:
                 yield from self._fly_vertical(0.0, Phase.TRANSIT, visit=number)
                 yield from self._fly_transit(start, Phase.TRANSIT, visit=number, hold=False)
             yield from self._fly_around_pylon(number, visit, pylon)
             return
-        below_m = self.setup.layers.offset_m(self.vehicle) if segment_of(visit) in self.low else 0.0
+        below_m = self.setup.layers.offset_m(self.vehicle) if segment in self.low else 0.0
         if turns_back or math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
             yield from self._fly_vertical(0.0, Phase.TRANSIT, visit=number)
             yield from self._fly_transit(start + _up_vector_m(below_m), Phase.TRANSIT, visit=number, hold=True)
         yield from self._fly_vertical(below_m, Phase.TRANSIT, visit=number)
         inspected = self._build_waypoint(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
-        yield replace(inspected, captures=self._captures_of(visit)) if self.setup.looks else inspected
+        yield replace(inspected, captures=tuple(self._build_captures(visit))) if self.setup.looks else inspected
 
     def _fly_around_pylon(self, number: int, visit: int, look: PylonCameraTask) -> Iterator[Waypoint]:
         """Yield the viewpoints of a pylon: a stop at each, the last of them ends its inspection.
@@ -204,31 +209,30 @@ class _PathBuilder:
         """Return (3,) the place so far below the vehicle's layer."""
         return np.array([*place_m, self.setup.layers.height_m(self.vehicle, *place_m) - below_m])
 
+    def _build_captures(self, visit: int) -> Iterator[Capture]:
+        """Yield what cameras do along a segment; it is flown to the right of the direction from a to b."""
+        segment, looks, asked = segment_of(visit), self.setup.looks, self.setup.inspection
+        below_deg = math.degrees(math.atan2(asked.height_m + self._offset_m(segment), asked.standoff_m))
+        for look in looks.spans.get(segment, ()):
+            camera, pitch_deg, yaw_deg = looks.cameras[look.camera], None, None
+            if camera.gimbal:
+                pitch_deg = round(-below_deg if look.pitch_deg is None else look.pitch_deg)
+                yaw_deg = 0 if pitch_deg <= -90 else 90 if is_reversed(visit) else -90
+            yield Capture(camera.name, camera.id, look.trigger, look.every_m, pitch_deg, yaw_deg, look.aim_deg)
+
     def _add_captures(self, waypoint: Waypoint, look: PylonCameraTask, stop: PylonStop) -> Waypoint:
+        """Return a stop with what is done there, once the vehicle has come to rest."""
         home_up_m = self.setup.frame.up_m(self.setup.pad_of(self.vehicle).alt_m)
         east_m, north_m, up_m = look.target_m
         region = Region(*self.setup.frame.to_wgs84_deg(east_m, north_m), up_m - home_up_m) if look.roi else None
-        up_m = waypoint.alt_rel_m + home_up_m
-        capture = self.setup.looks.build_capture_at(look, stop, up_m, region)
+        camera = self.setup.looks.cameras[look.camera]
+        pitch_deg = look.pitch_from_deg(stop.place_m, waypoint.alt_rel_m + home_up_m) if camera.gimbal else None
+        yaw_deg = look.points[stop.points[0]].yaw_deg if camera.gimbal or region is not None else None
+        capture = Capture(
+            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True, region=region,
+            points=stop.points,
+        )  # fmt: skip
         return replace(waypoint, captures=(capture,), hover_s=look.hover_s)
-
-    def _captures_of(self, visit: int) -> tuple[Capture, ...]:
-        inspection = self.setup.inspection
-        return self.setup.looks.build_captures(
-            segment_of(visit),
-            height_m=inspection.height_m + self._offset_m(segment_of(visit)),
-            standoff_m=inspection.standoff_m,
-            reverse=is_reversed(visit),
-        )
-
-    def _inspection_m(self, visit: int) -> tuple[FloatArray, FloatArray]:
-        """Return (3,) start and end of a visit's inspection leg."""
-        segment = segment_of(visit)
-        if not 0 <= segment < len(self.setup.network.segments):
-            raise IndexError(f"visit {visit}: expected a segment below {len(self.setup.network.segments)}")
-        heights_m = self.setup.layers.track_heights_m[segment] + self._offset_m(segment)
-        a, b = np.column_stack((self.setup.tracks_m[segment], heights_m))
-        return (b, a) if is_reversed(visit) else (a, b)
 
     def _offset_m(self, segment: int) -> float:
         """Return how far above the asked height it inspects a segment."""

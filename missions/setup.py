@@ -219,7 +219,15 @@ def plan_flight_setup(
     """
     network = with_heights(network, flat=inspection.flat)
     tracks = tracks_m(network, inspection.standoff_m)
-    turns_m = NOWHERE if terrain is None else _turning_places_m(pads or stated, bases, areas, tracks)
+    turns_m = NOWHERE
+    if terrain is not None:
+        # Where ways begin, end or turn beside the lines; what is around areas that are far away is none.
+        low_m, high_m = tracks.min(axis=(0, 1)) - DETOUR_M, tracks.max(axis=(0, 1)) + DETOUR_M
+        corners_m = build_area_graph(*areas).nodes_m
+        near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
+        stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads or stated], dtype=np.float64).reshape(-1, 2)
+        around_m = around_bases_m({(base.east_m, base.north_m) for base in bases.values()})
+        turns_m = np.concatenate((stands_m, around_m, near_m))
     layers = plan_layers(network, vehicles, inspection, terrain=terrain, turns_m=turns_m)
     if pads is None:
         pads = place_pads(
@@ -234,18 +242,6 @@ def plan_flight_setup(
         if terrain is not None:
             pads = put_pads_on_ground(pads, terrain)
     return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain=terrain)
-
-
-def _turning_places_m(
-    pads: Sequence[Pad], bases: Mapping[str, Pad], areas: Sequence[Area], tracks_m: FloatArray
-) -> FloatArray:
-    """Return (m, 2) where ways begin, end or turn beside the lines; what is around areas that are far away is none."""
-    low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
-    corners_m = build_area_graph(*areas).nodes_m
-    near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
-    stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads], dtype=np.float64).reshape(-1, 2)
-    around_m = around_bases_m({(base.east_m, base.north_m) for base in bases.values()})
-    return np.concatenate((stands_m, around_m, near_m))
 
 
 def put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:

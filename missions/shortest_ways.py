@@ -202,7 +202,9 @@ class VisibilityGraph:
         None stands for no way, also where the goal is in an obstacle.
         """
         starts, goals = [_to_place(one) for one in starts_m], [_to_place(one) for one in goals_m]
-        blocked = self._find_blocked([*starts, *goals])
+        every = list(dict.fromkeys((*starts, *goals)))
+        inside = self.is_inside(np.array(every).reshape(-1, 2))
+        blocked = {place for place, within in zip(every, inside.tolist(), strict=True) if within}
         met = self.is_blocked(starts_m, goals_m)
         ways: list[FloatArray | None] = [np.zeros((0, 2))] * len(starts)
         led: dict[Place, list[int]] = {}
@@ -222,11 +224,6 @@ class VisibilityGraph:
                 reachable = last >= 0 and math.isfinite(total_m[last])
                 ways[number] = self.nodes_m[self._path_between(int(first[last]), last)] if reachable else None
         return ways
-
-    def _find_blocked(self, places: Sequence[Place]) -> set[Place]:
-        every = list(dict.fromkeys(places))
-        inside = self.is_inside(np.array(every).reshape(-1, 2))
-        return {place for place, within in zip(every, inside.tolist(), strict=True) if within}
 
     def _way_from_inside_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray | None:
         """Return the corners of a way that leaves an obstacle by the nearest way out; None if there is none."""

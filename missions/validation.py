@@ -124,10 +124,7 @@ def format_error(first: ErrorDetails, *, page: str = "the documents", shown: boo
             reason = f"expected at least one {str(first['loc'][-1]).removesuffix('s')}"
         case kind:
             said = _KINDS.get(kind) or re.sub(r"^(expected |\w+ should (be |have )?(a valid )?)", "", first["msg"])
-            reason = f"expected {said}{_describe_value(first['input']) if shown else ''}"
+            text = repr(first["input"])
+            got = text if len(text) <= MOST_SHOWN else text[: MOST_SHOWN - 3] + "..."
+            reason = f"expected {said}{f', got {got}' if shown else ''}"
     return to_printable(f"{place or 'content'}: {reason}")
-
-
-def _describe_value(value: Any) -> str:  # noqa: ANN401 - whatever a file held
-    text = repr(value)
-    return f", got {text if len(text) <= MOST_SHOWN else text[: MOST_SHOWN - 3] + '...'}"

@@ -16,7 +16,6 @@ from planner.evaluate import (
     ReplanWindow,
     Result,
     completion_times_s,
-    energy_use_pct,
     evaluate,
     route_duration_s,
     route_energy_pct,

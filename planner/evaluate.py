@@ -80,11 +80,6 @@ def completion_times_s(instance: Instance, route: Route) -> tuple[float, ...]:
     return tuple(accumulate(compute_legs_s(instance, route)[:-1]))
 
 
-def energy_use_pct(instance: Instance, route: Route, visits: int) -> float:
-    """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first."""
-    return sum(compute_legs_pct(instance, route)[:visits]) if visits > 0 else 0.0
-
-
 def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:
     """Return the paper's cost of routes that use ``energies_pct``, one for each vehicle."""
     return cost.function.value(energies_pct, [vehicle.budget_pct for vehicle in instance.vehicles])

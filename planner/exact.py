@@ -223,7 +223,18 @@ class _Proof(SearchRecord):
         self._take(first.plan)
         if first.plan.uncovered:
             self._leave_out_least(worth)
-        self._energies, self._prices = self._price_sets()
+        # The energy of each vehicle's route through each set, and what that adds to the cost: the longest route is not
+        # in it. Without a visit it is what it is, even if the vehicle cannot get home.
+        function, energies, prices = self._cost.function, [], []
+        for number, own in enumerate(self._subsets):
+            energy, idle = own.energy_pct.copy(), float(self._instance.idle_pct[number])
+            energy[0] = idle
+            price = np.where(np.isfinite(energy), function.total * np.nan_to_num(energy, posinf=0.0), np.inf)
+            over = max(0.0, idle - self._instance.vehicles[number].budget_pct)
+            price[0] += function.total * function.excess * over + self._grounded
+            energies.append(energy)
+            prices.append(price)
+        self._energies, self._prices = energies, prices
 
     def _take(self, plan: Plan) -> None:
         self._plan = plan
@@ -244,22 +255,6 @@ class _Proof(SearchRecord):
         self._allowed = worth >= worth.max() * (1 - SAME)
         if not self._allowed[-1 - sum(1 << segment for segment in self._plan.uncovered)]:
             self._take(_build_plan(self._instance, self._subsets, joined.trace_parts(int(worth.argmax()))))
-
-    def _price_sets(self) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Return for each vehicle the energy of its route through each set, and what that adds to the cost.
-
-        The longest route is not in it. Without a visit it is what it is, even if the vehicle cannot get home.
-        """
-        function, energies, prices = self._cost.function, [], []
-        for number, own in enumerate(self._subsets):
-            energy, idle = own.energy_pct.copy(), float(self._instance.idle_pct[number])
-            energy[0] = idle
-            price = np.where(np.isfinite(energy), function.total * np.nan_to_num(energy, posinf=0.0), np.inf)
-            over = max(0.0, idle - self._instance.vehicles[number].budget_pct)
-            price[0] += function.total * function.excess * over + self._grounded
-            energies.append(energy)
-            prices.append(price)
-        return energies, prices
 
     def run(self) -> None:
         """Prove that no plan is better, or find it, until the stop rule says so."""

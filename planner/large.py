@@ -100,7 +100,11 @@ class LargeSearch(Search):
             return self._search_region(regions[place], tours, seed=seeds[place], iterations=shares[place])
 
         for region, routes in zip(regions, run_in_threads(threads, improved, range(len(regions))), strict=True):
-            self._put_back(region, routes)
+            # With MinComb only if what they save is not lost by a longer longest.
+            old, cost = [self._routes[vehicle] for vehicle in region.vehicles], self._objective_key()
+            self._set_routes(region, routes)
+            if self._balances and not self._all_vehicles and self._objective_key() > cost:
+                self._set_routes(region, old)
         self._iterations += iterations
         if self._objective_key() < before:
             self._improved_at = self._iterations
@@ -121,13 +125,6 @@ class LargeSearch(Search):
         )
         plan = search.run(Iterations(iterations)).plan
         return [renumber_visits(route.visits, region.segments) for route in plan.routes]
-
-    def _put_back(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
-        """Take over a region's routes; with MinComb only if what they save is not lost by a longer longest."""
-        old, before = [self._routes[vehicle] for vehicle in region.vehicles], self._objective_key()
-        self._set_routes(region, routes)
-        if self._balances and not self._all_vehicles and self._objective_key() > before:
-            self._set_routes(region, old)
 
     def _set_routes(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         for vehicle, visits in zip(region.vehicles, routes, strict=True):

@@ -200,7 +200,15 @@ def build_instance(
     Raises:
         InstanceError: a shape does not fit, or a coordinate is not a number.
     """
-    ends, landing = _check_points(ends_m, landing_m)
+    ends, landing = np.asarray(ends_m, dtype=np.float64), np.asarray(landing_m, dtype=np.float64)
+    if ends.size == 0:
+        ends = np.zeros((0, 2, 2))
+    if ends.ndim != 3 or ends.shape[1:] != (2, 2):
+        raise InstanceError(f"ends_m has shape {ends.shape}, expected (n, 2, 2)")
+    if landing.shape != (2,):
+        raise InstanceError(f"landing_m has shape {landing.shape}, expected (2,)")
+    if not (np.all(np.isfinite(ends)) and np.all(np.isfinite(landing))):
+        raise InstanceError("ends_m or landing_m holds a number that is infinite or NaN")
     first = ends.reshape(-1, 2)  # row 2s is a, row 2s + 1 is b: visit 2s starts at a, visit 2s + 1 at b
     last = np.array(ends[:, ::-1].reshape(-1, 2))
     starts = np.array([vehicle.start_m for vehicle in vehicles], dtype=np.float64).reshape(-1, 2)
@@ -246,20 +254,6 @@ def _stack_rows(rows: Sequence[tuple[FloatArray, FloatArray]], visits: int) -> t
     """Return seconds and energies, (rows, visits) float64 each."""
     shape = (len(rows), visits)
     return np.array([row[0] for row in rows]).reshape(shape), np.array([row[1] for row in rows]).reshape(shape)
-
-
-def _check_points(ends_m: npt.ArrayLike, landing_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    ends = np.asarray(ends_m, dtype=np.float64)
-    if ends.size == 0:
-        ends = np.zeros((0, 2, 2))
-    landing = np.asarray(landing_m, dtype=np.float64)
-    if ends.ndim != 3 or ends.shape[1:] != (2, 2):
-        raise InstanceError(f"ends_m has shape {ends.shape}, expected (n, 2, 2)")
-    if landing.shape != (2,):
-        raise InstanceError(f"landing_m has shape {landing.shape}, expected (2,)")
-    if not (np.all(np.isfinite(ends)) and np.all(np.isfinite(landing))):
-        raise InstanceError("ends_m or landing_m holds a number that is infinite or NaN")
-    return ends, landing
 
 
 def build_part_instance(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]) -> Instance:

@@ -100,15 +100,12 @@ class PlanSearch(AnnealingSearch[PlanStart]):
             length = params.first_cycle_leaving_out if self._soft else params.first_cycle
         else:
             length = before.length if was_soft else 2 * before.length
-        transit = self._mean_transit(best)
-        return Cycle(length, params.hot * transit, params.cold * transit, len(params.powers))
-
-    def _mean_transit(self, best: State) -> float:
-        """Return the mean energy that the best plan spends from visit to visit, inspections not counted."""
+        # The mean energy that the best plan spends from visit to visit, inspections not counted.
         covered = best.route_of >= 0
         moves = int(covered.sum()) + int((best.lengths > 0).sum())
         transit = float(best.loads.sum() - self._inspections[covered].sum()) / max(1, moves)
-        return max(transit, 1e-6 * float(self._problem.effort.max()), 1e-9)
+        transit = max(transit, 1e-6 * float(self._problem.effort.max()), 1e-9)
+        return Cycle(length, params.hot * transit, params.cold * transit, len(params.powers))
 
     def _improve(self, start: PlanStart, iterations: int) -> int:
         power = self._params.powers[self._cycle.stage(start.done)]
@@ -141,6 +138,14 @@ def build_kernel_problem(instance: Instance) -> Problem:
     value = instance.value + 1e-6 * (float(instance.value.mean()) or 1.0)
     worth = value * float(np.median(effort / value))
     move = np.ascontiguousarray(instance.moves.tabulate().table_pct)
+    # For each vehicle the one before it that differs in nothing but its name, or -1.
+    before: dict[object, int] = {}
+    twins = np.full(len(instance.vehicles), -1, dtype=np.int64)
+    for number, vehicle in enumerate(instance.vehicles):
+        ways = (instance.start_pct[number].tobytes(), instance.home_pct[number].tobytes())
+        kind = (vehicle.budget_pct, vehicle.consumption, instance.profile[number], instance.idle_pct[number], ways)
+        twins[number] = before.get(kind, -1)
+        before[kind] = number
     return Problem(
         profile=np.array(instance.profile, dtype=np.int64),
         move=move,
@@ -155,7 +160,7 @@ def build_kernel_problem(instance: Instance) -> Problem:
         prize=np.maximum(worth, effort) + 1e-6,
         effort=effort,
         near=_find_nearest_segments(move[0]),
-        twin=_find_twins(instance),
+        twin=twins,
     )
 
 
@@ -295,18 +300,6 @@ def _drop_one(problem: Problem, state: State, route: int) -> None:
 def _empty_route_weight(problem: Problem) -> float:
     """Return more than any first visit of a vehicle costs."""
     return 2 * float((problem.start + problem.home).max(initial=0.0)) + 1
-
-
-def _find_twins(instance: Instance) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return (k,) int64, for each vehicle the one before it that differs in nothing but its name, or -1."""
-    before: dict[object, int] = {}
-    twins = np.full(len(instance.vehicles), -1, dtype=np.int64)
-    for number, vehicle in enumerate(instance.vehicles):
-        ways = (instance.start_pct[number].tobytes(), instance.home_pct[number].tobytes())
-        kind = (vehicle.budget_pct, vehicle.consumption, instance.profile[number], instance.idle_pct[number], ways)
-        twins[number] = before.get(kind, -1)
-        before[kind] = number
-    return twins
 
 
 def _find_nearest_segments(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, compress
 
 import numpy as np
 
@@ -134,7 +134,9 @@ def find_survivors(
     """Return the lost vehicle's visits that have ended, who goes on, and the segments that are open."""
     until_s, others = at_s + instance.answer_s, [route for route in plan.routes if route.vehicle != lost]
     survivors = tuple(_build_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
-    completed = _find_completed_visits(instance, plan.routes[lost], at_s)
+    ends_s = completion_times_s(instance, plan.routes[lost])
+    ended = (end_s <= at_s + SAME_TIME_S for end_s in ends_s)
+    completed = tuple(compress(plan.routes[lost].visits, ended))
     settled = {segment_of(visit) for visit in completed}
     for survivor in survivors:
         settled.update(segment_of(visit) for visit in survivor.completed)
@@ -173,11 +175,6 @@ def replan(instance: Instance, *, warm: Plan, cost: Cost = Cost.MINCOMB, stop: S
         PlanError: ``warm`` is not a plan for the instance.
     """
     return solve(instance, cost=cost, stop=stop, seed=seed, initial=warm)
-
-
-def _find_completed_visits(instance: Instance, route: Route, at_s: float) -> tuple[int, ...]:
-    ends = completion_times_s(instance, route)
-    return tuple(visit for visit, end_s in zip(route.visits, ends, strict=True) if end_s <= at_s + SAME_TIME_S)
 
 
 def _build_survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool) -> FreeVehicle:

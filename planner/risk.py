@@ -248,7 +248,11 @@ class _FlightLog:
         chance = np.random.default_rng(chunk.seed)
         shape, values = (chunk.flights, len(campaign.plan.routes)), len(campaign.mtbf_h)
         life = chance.standard_exponential(shape)
-        factor = _draw_factors(chance, campaign.battery_spread_pct / 100.0, shape)
+        # Of consumption, normal about 1 and drawn again where they are not positive.
+        spread = campaign.battery_spread_pct / 100.0
+        factor = chance.normal(1.0, spread, shape)
+        while np.any(wrong := factor <= 0):
+            factor[wrong] = chance.normal(1.0, spread, int(wrong.sum()))
         charge = np.array([vehicle.budget_pct for vehicle in campaign.instance.vehicles]) + campaign.reserve_pct
         total, policies = values * chunk.flights, campaign.max_losses + 1
         return _FlightLog(
@@ -260,14 +264,6 @@ class _FlightLog:
             culprit=np.full(total, -1, dtype=np.int64),
             culprit_s=np.zeros(total),
         )
-
-
-def _draw_factors(chance: np.random.Generator, spread: float, shape: tuple[int, int]) -> FloatArray:
-    """Return factors of consumption, normal about 1 and drawn again where they are not positive."""
-    factors = chance.normal(1.0, spread, shape)
-    while np.any(wrong := factors <= 0):
-        factors[wrong] = chance.normal(1.0, spread, int(wrong.sum()))
-    return factors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -367,7 +363,9 @@ def _apply_repair(
         return state.apply_plan(left, plan)
     if gone:
         vehicle -= sum(one < vehicle for one in gone)
-        state = state.without_vehicles(gone)
+        # They have nothing left to inspect.
+        kept = [one for one in range(len(state.fleet)) if one not in gone]
+        state = _rebuild_state(state, kept, [state.plan.routes[one].visits for one in kept], {})
     answer = repair_plan(state, vehicle, at_s, effort=campaign.effort, fly_again=campaign.fly_again)
     return None if answer is None else state.apply_plan(*answer)
 
@@ -469,11 +467,6 @@ class FleetAfterLosses:
     def visit_values(self, vehicle: int) -> FloatArray:
         """Return (visits,) float64: what each visit of a vehicle's present route is worth."""
         return self.instance.value[[segment_of(visit) for visit in self.plan.routes[vehicle].visits]]
-
-    def without_vehicles(self, vehicles: Sequence[int]) -> FleetAfterLosses:
-        """Return the state when vehicles are lost that have nothing left to inspect."""
-        kept = [vehicle for vehicle in range(len(self.fleet)) if vehicle not in vehicles]
-        return _rebuild_state(self, kept, [self.plan.routes[vehicle].visits for vehicle in kept], {})
 
     def apply_plan(self, left: RemainingProblem, plan: Plan) -> FleetAfterLosses:
         """Return the state once a loss is answered by a plan for ``left.instance``.

@@ -125,12 +125,19 @@ class RobustSearch(Search):
             shortest_s = min(self._route_s(plan) for plan in complete)
             self._longest_s = shortest_s if longest_s is None else longest_s
             self._cap_s = (1 + stretch) * self._longest_s * (1 + 1e-12)
-            self._measure_flight_power(min(complete, key=self._route_s))
+            # The best MinMax plan shows how much energy a second of flight costs.
+            minmax = min(complete, key=self._route_s)
+            longest = max(minmax.routes, key=lambda route: route_duration_s(self._instance, route))
+            self._rate = route_energy_pct(self._instance, longest) / route_duration_s(self._instance, longest)
             plans += [self._find_other_plan() for _ in range(params.other_searches)]
             for plan in plans:
                 self._archive_plan(plan)
         if self.archive:
-            self._place_walkers()
+            elite = sorted(self.archive, key=lambda found: found.earliest_s)
+            self._walkers = [
+                self._build_walker(self._seed + 1_000 + number, elite[number % len(elite)])
+                for number in range(self._starts)
+            ]
             self._reason = self._run_rounds(self._allow_walk)
         return self._choose_result(plans)
 
@@ -156,11 +163,6 @@ class RobustSearch(Search):
     def _rate_best(self) -> tuple[float, int, bool]:
         known = math.isfinite(self.earliest_s)
         return self.earliest_s, 0 if known else 1, known
-
-    def _measure_flight_power(self, minmax: Plan) -> None:
-        """Take from the best MinMax plan how much energy a second of flight costs."""
-        longest = max(minmax.routes, key=lambda route: route_duration_s(self._instance, route))
-        self._rate = route_energy_pct(self._instance, longest) / route_duration_s(self._instance, longest)
 
     def _find_other_plan(self) -> Plan:
         """Return the next plan of the other costs, its budgets cut to the energy of about the length allowed."""
@@ -224,14 +226,6 @@ class RobustSearch(Search):
             if found.earliest_s < self.earliest_s:
                 self.earliest_s = found.earliest_s
                 self._improved_at = self._iterations
-
-    def _place_walkers(self) -> None:
-        """Have walks begin from the best plans."""
-        elite = sorted(self.archive, key=lambda found: found.earliest_s)
-        self._walkers = [
-            self._build_walker(self._seed + 1_000 + number, elite[number % len(elite)])
-            for number in range(self._starts)
-        ]
 
     def _advance(self, iterations: int, threads: Executor | None = None) -> None:
         """Walk side by side."""
@@ -307,8 +301,11 @@ class RobustSearch(Search):
             )  # fmt: skip
             iterations -= max(1, done)
             walker.left -= max(1, done)
-            if walker.left <= 0 < walker.here.lacks.sum():
-                self._redo_poor_repairs(walker)
+            here = walker.here
+            # At the end of a cycle those repairs are made anew that lack a little.
+            if walker.left <= 0 and 0 < here.lacks.sum() <= self._params.nearly * self._transit_pct(here.base):
+                here.repairs.known[here.lacks > 0] = 0
+                self._assess(walker)
             if walker.here.lacks.sum() <= 0:
                 self._verify_window(walker)
                 iterations -= self._params.whole_look
@@ -316,12 +313,6 @@ class RobustSearch(Search):
                     return
             elif walker.left <= 0:
                 self._lower_step(walker)
-
-    def _redo_poor_repairs(self, walker: Walker) -> None:
-        """Make those repairs anew that lack a little at the end of a cycle."""
-        if walker.here.lacks.sum() <= self._params.nearly * self._transit_pct(walker.here.base):
-            walker.here.repairs.known[walker.here.lacks > 0] = 0
-            self._assess(walker)
 
     def _lower_step(self, walker: Walker) -> None:
         """Aim less far in the next cycle; after the last step begin again, with longer cycles."""

@@ -50,7 +50,16 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
     if initial is not None:
         check_routes(instance, initial)
     if instance.segments == 0:
-        return _build_empty_result(instance, cost)
+        plan = Plan(tuple(Route(vehicle, ()) for vehicle in range(len(instance.vehicles))))
+        evaluation = evaluate(instance, plan, cost)
+        return Result(
+            plan=plan,
+            evaluation=evaluation,
+            feasible=not evaluation.violations,
+            iterations=0,
+            seconds=0.0,
+            stopped_by="nothing to inspect",
+        )
     # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
     from planner.large import LargeSearch
     from planner.plan_search import PlanSearch
@@ -100,16 +109,3 @@ def check_tails(instance: Instance, tails: Sequence[Sequence[int]]) -> None:
             raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")
     if len({segment_of(visit) for visit in visits}) != len(visits):
         raise PlanError("a segment occurs twice in the routes")
-
-
-def _build_empty_result(instance: Instance, cost: Cost) -> Result:
-    plan = Plan(tuple(Route(vehicle, ()) for vehicle in range(len(instance.vehicles))))
-    evaluation = evaluate(instance, plan, cost)
-    return Result(
-        plan=plan,
-        evaluation=evaluation,
-        feasible=not evaluation.violations,
-        iterations=0,
-        seconds=0.0,
-        stopped_by="nothing to inspect",
-    )

@@ -10,8 +10,9 @@ What a longer route buys is a Pareto front: the plans that no other beats in len
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import le
 
 from planner.errors import PlanError
 from planner.evaluate import Cost, ReplanWindow, WindowResult, evaluate
@@ -160,7 +161,13 @@ def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search,
                 break
         length += length // 2
         number += 1
-    return _select_undominated(_evaluate_plan(instance, plan, fly_again=fly_again) for plan in plans)
+    kept: list[ParetoPlan] = []
+    # Of equal plans the first is kept.
+    for plan in sorted((_evaluate_plan(instance, plan, fly_again=fly_again) for plan in plans), key=_sort_key):
+        most = [figure + SAME * abs(figure) for figure in _sort_key(plan)]
+        if not any(all(map(le, _sort_key(other), most)) for other in kept):
+            kept.append(plan)
+    return tuple(kept)
 
 
 def _evaluate_plan(instance: Instance, plan: Plan, *, fly_again: bool) -> ParetoPlan:
@@ -168,19 +175,5 @@ def _evaluate_plan(instance: Instance, plan: Plan, *, fly_again: bool) -> Pareto
     return ParetoPlan(plan, evaluation.longest_route_s, sum(evaluation.energies_pct), window)
 
 
-def _select_undominated(plans: Iterable[ParetoPlan]) -> tuple[ParetoPlan, ...]:
-    """Return the plans that no other one equals or beats in all figures; of equal ones the first."""
-    kept: list[ParetoPlan] = []
-    for plan in sorted(plans, key=_sort_key):
-        if not any(_is_dominating(other, plan) for other in kept):
-            kept.append(plan)
-    return tuple(kept)
-
-
 def _sort_key(plan: ParetoPlan) -> tuple[float, float, float]:
     return plan.longest_route_s, plan.energy_pct, plan.window.earliest_s
-
-
-def _is_dominating(one: ParetoPlan, other: ParetoPlan) -> bool:
-    pairs = zip(_sort_key(one), _sort_key(other), strict=True)
-    return all(ours <= theirs + SAME * abs(theirs) for ours, theirs in pairs)

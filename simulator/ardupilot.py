@@ -20,7 +20,7 @@ from simulator.params import PACKED_PARAMETERS
 from simulator.physics import GPS_BIT, Home, Limits, Place, Vector, Velocity
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.streams import MESSAGE_IDS, Streams
-from simulator.telemetry import build_battery_status, build_sys_status
+from simulator.telemetry import build_sys_status, name_cells
 
 MAV_AUTOPILOT_ARDUPILOT = 3
 LIMITS = Limits(accelerate_m_s2=1.5, brake_m_s2=2.0, climb_m_s=2.5, descend_m_s=2.5, vertical_m_s2=1.0, corner_m_s2=2.5)
@@ -397,14 +397,13 @@ class ArduPilot(Autopilot):
             self._watch_battery()
             self._watch_fence()
 
-    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
-        return sender.sysid == self.params["MAV_GCS_SYSID"]
-
-    def _on_gcs_heartbeat(self) -> None:
-        if self._gcs_failsafe:
+    def _hear_station(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
+        counts = sender.sysid == self.params["MAV_GCS_SYSID"]
+        if counts and self._gcs_failsafe:
             # It stays in the mode that the failsafe chose.
             self._gcs_failsafe = False
             self.voice.send_text(messages.Severity.WARNING, "GCS Failsafe Cleared")
+        return counts
 
     def _watch_fence(self) -> None:
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
@@ -550,10 +549,11 @@ class ArduPilot(Autopilot):
             case "BATTERY_STATUS":
                 consumed = self._consumption_mah()
                 known = current >= 0
-                return build_battery_status(
-                    voltage_v=battery.voltage_v, current_ca=current, consumed_mah=round(consumed) if known else -1,
-                    energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
-                    remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
+                return messages.build_message(
+                    "BATTERY_STATUS", **name_cells(battery.voltage_v), type=0, battery_function=0,
+                    current_battery=current, current_consumed=round(consumed) if known else -1,
+                    energy_consumed=round(consumed * battery.rest_v * 0.036) if known else -1,
+                    battery_remaining=self._remaining_pct(), charge_state=1 + self._battery_level,
                 )  # fmt: skip
             case "EKF_STATUS_REPORT":
                 # The variances of a good estimate.

@@ -292,19 +292,16 @@ class Autopilot(ABC):
         if reason is not None:
             self.voice.send_text(messages.Severity.CRITICAL, reason)
             return False
-        self._take_home()
-        self.frame.arm()
-        self._was_armed = True
-        self._on_armed()
-        return True
-
-    def _take_home(self) -> None:
-        """Take the place where it is armed for its home, as both autopilots do; beside its pad it is the pad."""
+        # Both autopilots take the place where they are armed for home; beside its pad it is the pad.
         body = self.frame.body
         if math.hypot(body.east_m, body.north_m) > BESIDE_PAD_M:
             self.home.move(body.east_m, body.north_m)
             body.east_m = body.north_m = 0.0
             self._on_home_moved()
+        self.frame.arm()
+        self._was_armed = True
+        self._on_armed()
+        return True
 
     def acknowledge(self, command: messages.Command, result: messages.Result) -> None:
         """Acknowledge a command to who gave it."""
@@ -382,12 +379,8 @@ class Autopilot(ABC):
         """Forget what a restart forgets."""
 
     @abstractmethod
-    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:
-        """Return whether this heartbeat holds the failsafe."""
-
-    @abstractmethod
-    def _on_gcs_heartbeat(self) -> None:
-        """React to a heartbeat that counts, just before it is noted."""
+    def _hear_station(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:
+        """React to a heartbeat just before it is noted; returns whether it holds the failsafe."""
 
     @abstractmethod
     def _build_own(self, name: str) -> messages.Outbound | None:
@@ -472,8 +465,7 @@ class Autopilot(ABC):
             self.frame.record_event(order, sender.sysid)
         match body:
             case messages.Heartbeat():
-                if self._is_gcs_heartbeat(sender, body):
-                    self._on_gcs_heartbeat()
+                if self._hear_station(sender, body):
                     self.gcs_heard_s = self.now_s
             case messages.Command():
                 self._handle_command(sender, body)
@@ -481,8 +473,10 @@ class Autopilot(ABC):
                 self._obey(sender, body)
             case messages.ParamRequestList() | messages.ParamRequestRead() | messages.ParamSet():
                 self.voice.send(self.params.answer(body), self._asking)
-            case messages.RequestDataStream() | messages.RadioStatus():
-                self._adjust_streams(body)
+            case messages.RequestDataStream():
+                self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
+            case messages.RadioStatus():
+                self._on_radio_status(body.txbuf_pct)
             case messages.Timesync() | messages.Ping() | messages.FileRequest():
                 self._answer(sender, body)
             case _:
@@ -491,12 +485,6 @@ class Autopilot(ABC):
                 link = store.upload_link if announced else self._asking  # items may come from any
                 step = store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
                 self._apply_store_step(step, link)
-
-    def _adjust_streams(self, body: messages.RequestDataStream | messages.RadioStatus) -> None:
-        if isinstance(body, messages.RadioStatus):
-            self._on_radio_status(body.txbuf_pct)
-        else:
-            self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
     def _obey(
         self, sender: messages.Peer, body: messages.SetMode | messages.SetPoint | messages.MissionSetCurrent
@@ -519,7 +507,11 @@ class Autopilot(ABC):
             answer = messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)
             self.voice.send([answer], self._asking)
         if isinstance(body, messages.Ping) and body.target_sysid == 0:
-            self.voice.send([messages.build_ping_answer(body, sender)], self._asking)
+            answer = messages.build_message(
+                "PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
+                target_component=sender.compid,
+            )  # fmt: skip
+            self.voice.send([answer], self._asking)
 
     def _apply_store_step(self, step: StoreStep, link: int) -> None:
         self.voice.send(step.send, link)

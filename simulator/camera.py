@@ -49,15 +49,6 @@ class Gimbal:
     control: tuple[int, int] | None = None
     """System and component in control; None before the first."""
 
-    def change_control(self, params: Sequence[float], sender: tuple[int, int]) -> None:
-        """Give its control to who asks for it, or take it back."""
-        if params[0] == ASKING:
-            self.control = sender
-        elif params[0] >= 0:
-            self.control = (int(params[0]), int(params[1]))
-        elif params[0] == NOBODY and self.control == sender:
-            self.control = (0, 0)
-
     def step(self, dt_s: float, nose_deg: float) -> None:
         """Turn towards where it is to look."""
         if self.stuck:
@@ -282,9 +273,15 @@ class Payload:
 
     def change_gimbal_control(self, params: Sequence[float], sender: tuple[int, int]) -> bool:
         """Let somebody take control of the gimbal, or give it back; returns whether there is one."""
-        if self.gimbal is not None:
-            self.gimbal.change_control(params, sender)
-        return self.gimbal is not None
+        if self.gimbal is None:
+            return False
+        if params[0] == ASKING:
+            self.gimbal.control = sender
+        elif params[0] >= 0:
+            self.gimbal.control = (int(params[0]), int(params[1]))
+        elif params[0] == NOBODY and self.gimbal.control == sender:
+            self.gimbal.control = (0, 0)
+        return True
 
     def apply_camera_fault(self, fault: str, value: float) -> None:
         """Suffer a fault, in the words of `InjectionKind`."""

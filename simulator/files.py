@@ -251,7 +251,8 @@ class FileServer:
             case Ftp.LISTDIRECTORY:
                 return self._list(request)
             case Ftp.CALCFILECRC:
-                return WORD.pack(compute_checksum(self._content(self._path(request))))
+                # A checksum with nothing inverted before and after it.
+                return WORD.pack(~zlib.crc32(self._content(self._path(request)), 0xFFFFFFFF) & 0xFFFFFFFF)
             case _:
                 return self._change(request)
 
@@ -478,11 +479,6 @@ class ArduPilotFileServer(FileServer):
             yield self._answer(request, sender, Reply(data, offset), number=number, ends=ends)
             # Behind a whole part the error that follows carries that part's offset.
             after, number = offset + (len(data) if len(data) < most else 0), number + 1
-
-
-def compute_checksum(data: bytes) -> int:
-    """Return the CRC32 of a file, with nothing inverted before and after it."""
-    return ~zlib.crc32(data, 0xFFFFFFFF) & 0xFFFFFFFF
 
 
 def _describe_entry(entry: tuple[str, int | None]) -> str:

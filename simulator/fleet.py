@@ -222,7 +222,7 @@ class SimulatedVehicle:
                         self.autopilot.receive(replace(received, sender=replace(received.sender, link=number)))
 
     def _collect(self) -> None:
-        messages = self.autopilot.voice.drain_by_link()
+        messages = self.autopilot.voice.drain()
         if not self.autopilot.is_mute:
             for link, message in messages:
                 for line in self._lines if link is None else (self._lines[link],):
@@ -255,15 +255,12 @@ class SimulatedVehicle:
         if fault.kind in LINK_FAULTS:
             lines = self._lines if fault.link == 0 else [self._lines[fault.link - 1]]
             for line in lines:
-                self._apply_link_fault(line.condition, fault.kind, fault.value or 0.0)
+                if fault.kind is InjectionKind.SILENT:
+                    line.condition.silent_until_s = self._now_s + (fault.value or math.inf)
+                else:
+                    setattr(line.condition, LINK_FIELDS[fault.kind], fault.value or 0.0)
             return
         self._apply(fault.kind, fault.value or 0.0, fault.word)
-
-    def _apply_link_fault(self, condition: LinkCondition, kind: InjectionKind, value: float) -> None:
-        if kind is InjectionKind.SILENT:
-            condition.silent_until_s = self._now_s + (value or math.inf)
-        else:
-            setattr(condition, LINK_FIELDS[kind], value)
 
     def _apply(self, kind: InjectionKind, value: float, word: str) -> None:
         frame = self.autopilot.frame
@@ -279,20 +276,17 @@ class SimulatedVehicle:
             case InjectionKind.REBOOT:
                 self.autopilot.reboot(on_pad=word == "pad")
             case InjectionKind.STATION:
-                self._apply_station_order(word)
+                # From now on the other ground station's heartbeat is on the air.
+                if self._station is None:
+                    self._station = Codec(self._stranger.sysid, component=self._stranger.compid)
+                    self._station_beat_s = self._now_s
+                self.autopilot.frame.record_event(f"station {word}")
+                self.autopilot.receive(Received(self._stranger, self.autopilot.build_mode_order(word)))
             case InjectionKind.REFUSE_UPLOAD | InjectionKind.HALF_UPLOAD:
                 refuses = kind is InjectionKind.REFUSE_UPLOAD
                 self.autopilot.store.fault = UploadFault.REFUSE if refuses else UploadFault.HALF
             case _:
                 self.autopilot.apply_injection(kind, word, value)
-
-    def _apply_station_order(self, word: str) -> None:
-        """Let another ground station order a mode; from now on its heartbeat is on the air."""
-        if self._station is None:
-            self._station = Codec(self._stranger.sysid, component=self._stranger.compid)
-            self._station_beat_s = self._now_s
-        self.autopilot.frame.record_event(f"station {word}")
-        self.autopilot.receive(Received(self._stranger, self.autopilot.build_mode_order(word)))
 
     def _send_station_heartbeat(self) -> None:
         if self._station is None or self._now_s < self._station_beat_s:
@@ -445,7 +439,6 @@ async def run_fleet(
     *,
     stop: asyncio.Event,
     on_truth: Callable[[Truth], None],
-    ready: asyncio.Event | None = None,
     watched: Callable[[Sequence[SimulatedVehicle]], None] = lambda _: None,
 ) -> None:
     """Fly until ``stop`` is set.
@@ -454,7 +447,6 @@ async def run_fleet(
         fleet: what to fly.
         stop: ends it.
         on_truth: is told what really happens.
-        ready: is set when every vehicle has its socket.
         watched: is shown the vehicles whenever all have lived on.
 
     Raises:
@@ -462,7 +454,7 @@ async def run_fleet(
     """
     vehicles = build_vehicles(fleet)
     async with open_sockets(fleet, vehicles) as links:
-        await fly_vehicles(fleet, links, stop=stop, on_truth=on_truth, ready=ready, watched=watched)
+        await fly_vehicles(fleet, links, stop=stop, on_truth=on_truth, watched=watched)
 
 
 @asynccontextmanager
@@ -492,15 +484,28 @@ async def fly_vehicles(
     *,
     stop: asyncio.Event,
     on_truth: Callable[[Truth], None],
-    ready: asyncio.Event | None = None,
     watched: Callable[[Sequence[SimulatedVehicle]], None] = lambda _: None,
 ) -> None:
     """Do what `run_fleet` does, for vehicles that have their sockets; time is that of the running loop."""
-    clock = SimClock(fleet.speedup, monotonic_s=asyncio.get_running_loop().time(), unix_s=time.time())
+    loop = asyncio.get_running_loop()
+    clock = SimClock(fleet.speedup, monotonic_s=loop.time(), unix_s=time.time())
     async with _keep_common_time(fleet.speedup, clock, links) as stations:
-        if ready is not None:
-            ready.set()
-        await _fly(links, clock, stations, stop, on_truth, watched)
+        tick_s = min(max(STEP_S / stations.speedup, TICK_S[0]), TICK_S[1])
+        lived_s = 0.0
+        while not stop.is_set():
+            stations.moved.clear()
+            due_s = clock.now_s(lived_s, loop.time(), dated=not stations.ever)
+            behind = due_s - lived_s > CHUNK_STEPS * STEP_S
+            wanted_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
+            # It may have lived further while a ground station was stopped.
+            until_s = max(lived_s, stations.safe_time_s())
+            lived_s = min(wanted_s, until_s)
+            watched(live_until(links, lived_s, clock.unix_s, on_truth))
+            stations.send_time(lived_s)
+            if lived_s < wanted_s:
+                await _pause(stations.moved, LOOK_REAL_S / 5)
+            else:
+                await _pause(stop, 0.0 if behind else tick_s)
 
 
 @asynccontextmanager
@@ -518,33 +523,6 @@ async def _keep_common_time(speedup: float, clock: SimClock, links: Sequence[Udp
         stations.close()
         if server is not None:
             server.close()
-
-
-async def _fly(
-    links: Sequence[UdpLink],
-    clock: SimClock,
-    stations: Stations,
-    stop: asyncio.Event,
-    on_truth: Callable[[Truth], None],
-    watched: Callable[[Sequence[SimulatedVehicle]], None],
-) -> None:
-    loop = asyncio.get_running_loop()
-    tick_s = min(max(STEP_S / stations.speedup, TICK_S[0]), TICK_S[1])
-    lived_s = 0.0
-    while not stop.is_set():
-        stations.moved.clear()
-        due_s = clock.now_s(lived_s, loop.time(), dated=not stations.ever)
-        behind = due_s - lived_s > CHUNK_STEPS * STEP_S
-        wanted_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
-        # It may have lived further while a ground station was stopped.
-        until_s = max(lived_s, stations.safe_time_s())
-        lived_s = min(wanted_s, until_s)
-        watched(live_until(links, lived_s, clock.unix_s, on_truth))
-        stations.send_time(lived_s)
-        if lived_s < wanted_s:
-            await _pause(stations.moved, LOOK_REAL_S / 5)
-        else:
-            await _pause(stop, 0.0 if behind else tick_s)
 
 
 def live_until(

@@ -213,7 +213,8 @@ def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limit
             return Velocity(east, north, -goal.speed_m_s)
         case Land():
             east, north = _approach_velocity_m_s(goal.place, body, limits)
-            return Velocity(east, north, -_landing_speed_m_s(goal, body.up_m))
+            share = min(max((body.up_m - goal.slow_from_m) / max(goal.fast_from_m - goal.slow_from_m, 0.01), 0.0), 1.0)
+            return Velocity(east, north, -(goal.slow_m_s + share * (goal.fast_m_s - goal.slow_m_s)))
         case Leg():
             return _compute_leg_velocity(goal, body, age_s, limits)
         case TimedLeg():
@@ -263,11 +264,6 @@ def _compute_circling_velocity(goal: Circle, body: Body, limits: Limits) -> Velo
     round_m_s = goal.speed_m_s if near else 0.0
     up = _vertical_speed_m_s(goal.centre.up_m, body, limits)
     return Velocity(out[0] * back + out[1] * round_m_s, out[1] * back - out[0] * round_m_s, up)
-
-
-def _landing_speed_m_s(goal: Land, up_m: float) -> float:
-    share = min(max((up_m - goal.slow_from_m) / max(goal.fast_from_m - goal.slow_from_m, 0.01), 0.0), 1.0)
-    return goal.slow_m_s + share * (goal.fast_m_s - goal.slow_m_s)
 
 
 def _approach_velocity_m_s(place: Place, body: Body, limits: Limits) -> tuple[float, float]:

@@ -364,9 +364,6 @@ class Px4Trajectory:
         follows = self._follow(body, dt_s)  # both take one step from the same moment
         self._advance(here, now_s, dt_s)
         body.carry(follows, dt_s)
-        return self._is_leg_done(goal, body)
-
-    def _is_leg_done(self, goal: Px4Leg, body: Body) -> bool:
         east, north, up = (a - b for a, b in zip(goal.target, body.place, strict=True))
         if self._reached_s is None and math.hypot(east, north) <= goal.accept_m and abs(up) <= HEIGHT_M:
             self._reached_s = self._age_s

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -403,32 +403,6 @@ def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
     )  # fmt: skip
 
 
-def build_ping_answer(ping: Ping, to: Peer) -> Outbound:
-    """Return the answer to a PING."""
-    return build_message(
-        "PING", time_usec=ping.time_usec, seq=ping.seq, target_system=to.sysid, target_component=to.compid
-    )
-
-
-def split_status_text(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
-    """Yield the text in as many STATUSTEXT as it takes.
-
-    Args:
-        severity: MAV_SEVERITY.
-        text: ASCII.
-        chunk_id: what ties the parts of a long text together, not 0; a short text is sent with 0, as ArduPilot does.
-    """
-    raw = text.encode("ascii", errors="replace")
-    chunks = [raw[start : start + TEXT_CHUNK] for start in range(0, len(raw), TEXT_CHUNK)] or [b""]
-    if len(raw) % TEXT_CHUNK == 0 and len(chunks) > 1:
-        # A last part of full length has no terminating zero: without an empty one the reader would wait for more.
-        chunks.append(b"")
-    for number, chunk in enumerate(chunks):
-        yield build_message(
-            "STATUSTEXT", severity=severity, text=chunk, id=chunk_id if len(chunks) > 1 else 0, chunk_seq=number
-        )
-
-
 WITHHELD_TEXTS = 20
 """Most texts kept until a ground station listens again."""
 
@@ -453,8 +427,17 @@ class VehicleOutbox:
     def send_text(self, severity: int, text: str) -> None:
         """Send a text, in parts when it is long."""
         self._texts += 1
-        chunk_id = (self._texts - 1) % 65535 + 1
-        parts = split_status_text(severity, text + self._tab, chunk_id)
+        raw = (text + self._tab).encode("ascii", errors="replace")
+        chunks = [raw[start : start + TEXT_CHUNK] for start in range(0, len(raw), TEXT_CHUNK)] or [b""]
+        if len(raw) % TEXT_CHUNK == 0 and len(chunks) > 1:
+            # A last part of full length has no terminating zero: without an empty one the reader would wait for more.
+            chunks.append(b"")
+        # What ties the parts of a long text together; a short text is sent with 0, as ArduPilot does.
+        tie = (self._texts - 1) % 65535 + 1 if len(chunks) > 1 else 0
+        parts = [
+            build_message("STATUSTEXT", severity=severity, text=chunk, id=tie, chunk_seq=number)
+            for number, chunk in enumerate(chunks)
+        ]
         if self.muted:
             self._withheld.extend(parts)
         else:
@@ -466,11 +449,7 @@ class VehicleOutbox:
         self.send(self._withheld)
         self._withheld.clear()
 
-    def drain(self) -> list[Outbound]:
-        """Take away what is to be sent."""
-        return [message for _, message in self.drain_by_link()]
-
-    def drain_by_link(self) -> list[tuple[int | None, Outbound]]:
+    def drain(self) -> list[tuple[int | None, Outbound]]:
         """Take away what is to be sent, and over which of its links; None is all of them."""
         messages, self._outbox = self._outbox, []
         return messages

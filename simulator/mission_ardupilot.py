@@ -294,7 +294,9 @@ class ArduPilotMission:
         """Return the leg by the clock; None when the vehicle is not where the clock would have it."""
         turning, self._turning = self._turning, None
         way, body = leg.target.subtract(leg.origin), self._frame.body
-        pace = self._build_leg_limits(leg.speed_m_s)
+        params = self._params
+        up_m_s, down_m_s = params["WPNAV_SPEED_UP"] * CM, params["WPNAV_SPEED_DN"] * CM
+        pace = LegLimits(leg.speed_m_s, up_m_s, down_m_s, params["WPNAV_ACCEL"] * CM, params["WPNAV_RADIUS"] * CM)
         if way.length_m < SHORTEST_M or (after is not None and changes):
             return None
         curve = SCurve.build(way, pace)
@@ -320,11 +322,6 @@ class ArduPilotMission:
             self._turning = None
             return None
         return ride
-
-    def _build_leg_limits(self, speed_m_s: float) -> LegLimits:
-        params = self._params
-        up_m_s, down_m_s = params["WPNAV_SPEED_UP"] * CM, params["WPNAV_SPEED_DN"] * CM
-        return LegLimits(speed_m_s, up_m_s, down_m_s, params["WPNAV_ACCEL"] * CM, params["WPNAV_RADIUS"] * CM)
 
     def _advance_after(self, done: MissionItem) -> None:
         self._reached = self.index

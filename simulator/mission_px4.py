@@ -186,10 +186,6 @@ class Px4Mission:
             return self.give_up()
         return self._start(self.index)
 
-    def apply_new_fence(self) -> MissionEnd | None:
-        """Hold the mission against a fence that was put on board."""
-        return self.give_up() if self.running and not self.is_feasible else None
-
     def apply_clear(self) -> MissionEnd | None:
         """React to the list having been emptied; in flight that is a hold."""
         self.index = 0
@@ -271,16 +267,13 @@ class Px4Mission:
             return
         # A take-off item in the air is flown as a waypoint.
         self._bound_for = target
-        yield self._build_waypoint_leg(item, seq, self._origin or here, target)
-
-    def _build_waypoint_leg(self, item: MissionItem, seq: int, origin: Place, target: Place) -> Px4Leg:
         accept_m = item.param2 if item.param2 > LEAST_RADIUS_M else self._params["NAV_ACC_RAD"]
         after = next((nav for nav in self._store.items[seq + 1 :] if nav.command not in DONE_IN_PASSING), None)
         # It brakes for a hold, and for a landing at the same place.
         onward = None
         if item.param1 <= 0 and after is not None and has_place(after):
             onward = place_of(after, self._home, target)
-        return Px4Leg(origin, target, onward, self.speed_m_s, accept_m, max(item.param1, 0.0))
+        yield Px4Leg(self._origin or here, target, onward, self.speed_m_s, accept_m, max(item.param1, 0.0))
 
     def _repeat_reached(self, now_s: float) -> None:
         if self._reached is None or now_s < self._reached[2]:

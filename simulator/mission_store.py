@@ -67,6 +67,27 @@ class Transfer:
         return fault is UploadFault.HALF and self.next >= self.count // 2
 
 
+class Uploading:
+    """What both autopilots' stores say of an upload under way."""
+
+    _upload: Transfer | None = None
+
+    @property
+    def upload(self) -> Transfer | None:
+        """What it is asking for items for."""
+        return self._upload
+
+    @property
+    def is_receiving(self) -> bool:
+        """Whether it is asking for items."""
+        return self.upload is not None
+
+    @property
+    def upload_link(self) -> int:
+        """Over which of its links it asks: where they were announced."""
+        return 0 if self.upload is None else self.upload.partner.link
+
+
 def to_item(received: messages.ItemReceived) -> MissionItem:
     """Return the item as data."""
     return MissionItem(

@@ -17,7 +17,7 @@ from simulator.physics import ALONE, GPS_BIT, Home, Place
 from simulator.px4_guided import LIMITS, MAIN_AUTO, Mode, Px4Guided, encode_custom_mode
 from simulator.store_px4 import Px4Store
 from simulator.streams import Streams
-from simulator.telemetry import build_battery_status, build_sys_status
+from simulator.telemetry import build_sys_status, name_cells
 
 WORDS = {
     "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
@@ -101,7 +101,7 @@ class Px4(Px4Guided):
         self._shapes: tuple[mission_store.FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence."""
-        self._begin_guided()
+        self._takeoff_up_m = self.params["MIS_TAKEOFF_ALT"]
         self.mission.left_fence_at = self._find_item_outside_fence
 
     def _own_commands(self) -> dict[int, Handler]:
@@ -109,9 +109,13 @@ class Px4(Px4Guided):
         return {
             messages.MavCommand.DO_SET_MODE: self._handle_set_mode_command,
             messages.MavCommand.MISSION_START: self._start_mission,
-            messages.MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
-            messages.MavCommand.NAV_LAND: self._handle_land_command,
-            **self._list_guided_commands(),
+            messages.MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self._go_down(Mode.RETURN, "Returning to launch"),
+            messages.MavCommand.NAV_LAND: lambda _: self._go_down(Mode.LAND, "Landing at current position"),
+            messages.MavCommand.NAV_TAKEOFF: self._take_off,
+            messages.MavCommand.DO_REPOSITION: self._reposition,
+            messages.MavCommand.DO_CHANGE_ALTITUDE: self._change_height,
+            messages.MavCommand.DO_ORBIT: self._orbit,
+            messages.MavCommand.INJECT_FAILURE: self._inject_failure,
         }
 
     # Modes.
@@ -153,13 +157,9 @@ class Px4(Px4Guided):
         result = self.set_mode(message.custom_mode)
         self.acknowledge(messages.Command(messages.MavCommand.DO_SET_MODE, (0.0,) * 7), result)
 
-    def _handle_return_command(self, command: messages.Command) -> messages.Result:  # noqa: ARG002 - it has nothing to say
-        self.voice.send_text(messages.Severity.INFO, "Returning to launch")
-        return self.set_mode(Mode.RETURN)
-
-    def _handle_land_command(self, command: messages.Command) -> messages.Result:  # noqa: ARG002 - it has nothing to say
-        self.voice.send_text(messages.Severity.INFO, "Landing at current position")
-        return self.set_mode(Mode.LAND)
+    def _go_down(self, mode: Mode, text: str) -> messages.Result:
+        self.voice.send_text(messages.Severity.INFO, text)
+        return self.set_mode(mode)
 
     def _switch(self, mode: Mode) -> None:
         if self.mode == Mode.MISSION:
@@ -327,7 +327,7 @@ class Px4(Px4Guided):
             if left is not None:
                 self.voice.send_text(messages.Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
         if step.fenced:
-            self._end_mission(self.mission.apply_new_fence())
+            self._end_mission(self.mission.give_up() if self.mission.running and not self.mission.is_feasible else None)
         if step.swapped:
             self._end_mission(self.mission.apply_new_list(step.current, self.now_s))
         if step.cleared:
@@ -373,28 +373,25 @@ class Px4(Px4Guided):
         elif now is messages.LandedState.LANDING and self.mode == Mode.RETURN:
             self.voice.send_text(messages.Severity.INFO, "RTL: land at destination")
 
-    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
-        return heartbeat.ground_station
-
-    def _on_gcs_heartbeat(self) -> None:
-        if self._link_lost:
+    def _hear_station(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
+        if heartbeat.ground_station and self._link_lost:
             self._link_lost = False
             self.voice.release_withheld()
             self.voice.send_text(messages.Severity.INFO, "GCS connection regained")
+        return heartbeat.ground_station
 
     def _load_fence(self) -> None:
         """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
         self._shapes = ()
-        flies = not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0
+        held = {"Home position": Place(0.0, 0.0, 0.0)}
+        if not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0:
+            held["current vehicle position"] = self.frame.body.place
         for shape in mission_store.build_fence_shapes(self._store.fence, self.home):
-            if not mission_store.is_inside([shape], Place(0.0, 0.0, 0.0)):
-                self.voice.send_text(messages.Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
-            elif flies and not mission_store.is_inside([shape], self.frame.body.place):
-                self.voice.send_text(
-                    messages.Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position"
-                )
-            else:
+            left = next((name for name, place in held.items() if not mission_store.is_inside([shape], place)), None)
+            if left is None:
                 self._shapes = (*self._shapes, shape)
+            else:
+                self.voice.send_text(messages.Severity.CRITICAL, f"Geofence invalid, doesn't contain {left}")
 
     def _find_item_outside_fence(self) -> int | None:
         if int(self.params["GF_ACTION"]) == 0:
@@ -468,18 +465,15 @@ class Px4(Px4Guided):
         action = int(self.params["COM_LOW_BAT_ACT"])
         if state == 4 and (action in {2, 3} or self._emergency_ordered):
             self.frame.record_event("failsafe battery")
-            self._apply_battery_action()
+            # It holds before it acts, unless a failsafe acts already; on its way down it goes on.
+            if self._failsafe:
+                self._action_due = None
+                self._switch(self._emergency)
+            elif self.mode not in {Mode.LAND, self._emergency}:
+                self._hold_then(self._emergency)
         elif state == 3 and action in {2, 3} and self.mode not in {Mode.RETURN, Mode.LAND}:
             self.frame.record_event("failsafe battery")
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
-
-    def _apply_battery_action(self) -> None:
-        """Hold before it acts, unless a failsafe acts already; on its way down it goes on."""
-        if self._failsafe:
-            self._action_due = None
-            self._switch(self._emergency)
-        elif self.mode not in {Mode.LAND, self._emergency}:
-            self._hold_then(self._emergency)
 
     # People, fences, estimators.
 
@@ -527,10 +521,12 @@ class Px4(Px4Guided):
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
-                return build_battery_status(
-                    voltage_v=battery.voltage_v, current_ca=self._current_ca(), energy_hj=-1,
-                    consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
-                    remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
+                # A lithium polymer pack for everything.
+                return messages.build_message(
+                    "BATTERY_STATUS", **name_cells(battery.voltage_v), type=1, battery_function=1,
+                    current_battery=self._current_ca(), energy_consumed=-1,
+                    current_consumed=round(consumed) if self.vehicle.current_sensor else -1,
+                    battery_remaining=round(battery.charge_pct), charge_state=self._charge_state,
                 )  # fmt: skip
             case "MISSION_CURRENT":
                 return messages.build_message(

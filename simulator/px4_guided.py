@@ -7,7 +7,7 @@ from abc import abstractmethod
 from enum import IntEnum
 
 from simulator import messages
-from simulator.autopilot import Autopilot, Handler
+from simulator.autopilot import Autopilot
 from simulator.guidance import Circle, Hover, find_stopping_place
 from simulator.mission_px4 import Px4Mission
 from simulator.physics import Limits, Place
@@ -46,23 +46,11 @@ class Px4Guided(Autopilot):
     """What one vehicle does of these."""
 
     mission: Px4Mission
-
-    def _begin_guided(self) -> None:
-        """Know of no place yet."""
-        self._takeoff_up_m = self.params["MIS_TAKEOFF_ALT"]
-        self._centre = Place(0.0, 0.0, 0.0)
-        self._motor_off = False
-        self._lost_set_points = False
-        """Whether it returns because none came."""
-
-    def _list_guided_commands(self) -> dict[int, Handler]:
-        return {
-            messages.MavCommand.NAV_TAKEOFF: self._take_off,
-            messages.MavCommand.DO_REPOSITION: self._reposition,
-            messages.MavCommand.DO_CHANGE_ALTITUDE: self._change_height,
-            messages.MavCommand.DO_ORBIT: self._orbit,
-            messages.MavCommand.INJECT_FAILURE: self._inject_failure,
-        }
+    _takeoff_up_m: float
+    _centre = Place(0.0, 0.0, 0.0)
+    _motor_off = False
+    _lost_set_points = False
+    """Whether it returns because none came."""
 
     @abstractmethod
     def _describe_breach(self, place: Place) -> str:

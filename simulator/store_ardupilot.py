@@ -29,6 +29,7 @@ from simulator.mission_store import (
     StoreStep,
     Transfer,
     UploadFault,
+    Uploading,
     acknowledge,
     build_mission_count,
     build_mission_item,
@@ -46,7 +47,7 @@ _SHAPES = frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT})
 _POLYGONS = frozenset({PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX})
 
 
-class ArduPilotList:
+class ArduPilotList(Uploading):
     """A list of items and the dialogue that changes it: a fence, rally points, or a mission that adds its own."""
 
     def __init__(self, kind: int, patience_s: float = 0.0) -> None:
@@ -54,24 +55,8 @@ class ArduPilotList:
         self.fault = UploadFault.NONE
         self._items: tuple[MissionItem, ...] = ()
         self._give_up_s = max(GIVE_UP_S, patience_s)
-        self._upload: Transfer | None = None
         self.slow_s = 0.0
         """Additional delay of repeated requests on a slow radio."""
-
-    @property
-    def upload(self) -> Transfer | None:
-        """What it is asking for items for."""
-        return self._upload
-
-    @property
-    def is_receiving(self) -> bool:
-        """Whether it is asking for items."""
-        return self.upload is not None
-
-    @property
-    def upload_link(self) -> int:
-        """Over which of its links it asks: where they were announced."""
-        return 0 if self.upload is None else self.upload.partner.link
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -168,12 +153,17 @@ class ArduPilotList:
     def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:  # noqa: ARG002 - nothing to say
         return step
 
-    def _refuse_item(self, message: ItemReceived) -> MissionResult | None:
+    def _refuse_item(self, item: ItemReceived | MissionItem) -> MissionResult | None:
         known = _SHAPES if self.kind == FENCE else {PlaceCommand.RALLY_POINT}
-        return None if message.command in known else MissionResult.UNSUPPORTED
+        return None if item.command in known else MissionResult.UNSUPPORTED
 
     def _keep_item(self, upload: Transfer, item: MissionItem) -> None:
-        upload.items.append(_to_stored_place(item))
+        # It comes back without flags, of a rally point with the height in whole metres.
+        if self.kind == RALLY:
+            item = replace(item, frame=Frame.GLOBAL_RELATIVE_ALT, z=float(int(item.z)))
+        else:
+            item = replace(item, frame=Frame.GLOBAL, param2=0.0, param3=0.0, z=0.0)
+        upload.items.append(replace(item, current=False, autocontinue=False))
 
     def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:
         items = (*upload.items, *upload.rest)
@@ -217,13 +207,6 @@ def is_complete_list(items: Sequence[MissionItem]) -> bool:
                 return False
         index += size
     return True
-
-
-def _to_stored_place(item: MissionItem) -> MissionItem:
-    """Return an item as it comes back: without flags, of a rally point the height in whole metres."""
-    if item.command == PlaceCommand.RALLY_POINT:
-        return replace(item, current=False, autocontinue=False, frame=Frame.GLOBAL_RELATIVE_ALT, z=float(int(item.z)))
-    return replace(item, current=False, autocontinue=False, frame=Frame.GLOBAL, param2=0.0, param3=0.0, z=0.0)
 
 
 COMMANDS = frozenset(Command)
@@ -299,7 +282,7 @@ class ArduPilotStore(ArduPilotList):
         if cleared:
             self._count = 1
         for at, item in enumerate(part.items, start=part.first):
-            if _find_refusal(item) is not None or at > self._count:
+            if self._refuse_item(item) is not None or at > self._count:
                 break
             self._put(replace(item, seq=at))
         return StoreStep(cleared=cleared, stored=True)
@@ -329,8 +312,10 @@ class ArduPilotStore(ArduPilotList):
         advice = () if message.integer else self._recommend_int_messages(ITEM_ADVICE)
         return replace(step, texts=(*advice, *step.texts), stored=message.seq > 0)
 
-    def _refuse_item(self, message: ItemReceived) -> MissionResult | None:
-        return _find_refusal(message)
+    def _refuse_item(self, item: ItemReceived | MissionItem) -> MissionResult | None:
+        if item.frame not in FRAMES:
+            return MissionResult.UNSUPPORTED_FRAME
+        return None if item.command in COMMANDS else MissionResult.UNSUPPORTED
 
     def _keep_item(self, upload: Transfer, item: MissionItem) -> None:  # noqa: ARG002 - it lies in its place at once
         self._put(item)
@@ -360,9 +345,3 @@ class ArduPilotStore(ArduPilotList):
             return ()
         self._advised.add(text)
         return ((Severity.WARNING, text),)
-
-
-def _find_refusal(item: ItemReceived | MissionItem) -> MissionResult | None:
-    if item.frame not in FRAMES:
-        return MissionResult.UNSUPPORTED_FRAME
-    return None if item.command in COMMANDS else MissionResult.UNSUPPORTED

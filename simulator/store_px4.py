@@ -14,6 +14,7 @@ from simulator.mission_store import (
     StoreStep,
     Transfer,
     UploadFault,
+    Uploading,
     acknowledge,
     build_mission_count,
     build_mission_item,
@@ -50,14 +51,13 @@ class _Lists:
         self.stores: list[Px4Store] = []
 
 
-class Px4Store:
+class Px4Store(Uploading):
     """The mission on board, and the transfers over one link: `beside` that of the first."""
 
     def __init__(self, patience_s: float = 0.0, beside: Px4Store | None = None) -> None:
         self._give_up_s = max(GIVE_UP_S, patience_s)
         self.lists: _Lists = _Lists() if beside is None else beside.lists
         self.lists.stores.append(self)
-        self._upload: Transfer | None = None
         self._download: Transfer | None = None
         self._partner: messages.Peer | None = None
         """Partner of the present or last transfer."""
@@ -94,16 +94,6 @@ class Px4Store:
     def mission_id(self) -> int:
         """CRC32 of the mission."""
         return self.lists.mission_id
-
-    @property
-    def is_receiving(self) -> bool:
-        """Whether an upload is under way."""
-        return self._upload is not None
-
-    @property
-    def upload_link(self) -> int:
-        """Over which of the vehicle's links."""
-        return 0 if self._upload is None else self._upload.partner.link
 
     @property
     def is_busy(self) -> bool:

@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol
 from simulator.airframe import Airframe
 from simulator.config import SimVehicle
 from simulator.guidance import find_target
-from simulator.messages import Outbound, build_message
+from simulator.messages import FieldValue, Outbound, build_message
 from simulator.physics import DRAG_PER_S, GRAVITY_M_S2, THRUST_TO_WEIGHT, Body, Home, Place, Positioning
 
 Builder = Callable[[], Outbound | None]
@@ -23,6 +23,7 @@ class Reporter(Protocol):
 
     CAPABILITIES: ClassVar[int]
     VERSION: ClassVar[tuple[int, int, int, int]]
+    """Three numbers and FIRMWARE_VERSION_TYPE."""
     vehicle: SimVehicle
     home: Home
     frame: Airframe
@@ -63,14 +64,9 @@ def make_builders(vehicle: Reporter) -> Mapping[str, Builder]:
     home, body, frame = vehicle.home, vehicle.frame.body, vehicle.frame
     lat, lon = home.lat_lon_e7(0.0, 0.0)
     return {
-        "GLOBAL_POSITION_INT": lambda: build_global_position(
-            home, body, vehicle.boot_ms,
-            (vehicle.positioning.off_m(vehicle.now_s), vehicle.positioning.off_m_s(vehicle.now_s)),
-        ),
-        "GPS_RAW_INT": lambda: build_gps_raw(home, body, vehicle.boot_ms, fix=vehicle.gps_fix),
-        "AUTOPILOT_VERSION": lambda: build_autopilot_version(
-            capabilities=vehicle.CAPABILITIES, version=vehicle.VERSION, uid=vehicle.vehicle.sysid
-        ),
+        "GLOBAL_POSITION_INT": lambda: _build_global_position(vehicle),
+        "GPS_RAW_INT": lambda: _build_gps_raw(vehicle),
+        "AUTOPILOT_VERSION": lambda: _build_autopilot_version(vehicle),
         "LOCAL_POSITION_NED": lambda: build_message(
             "LOCAL_POSITION_NED", time_boot_ms=vehicle.boot_ms, x=body.north_m, y=body.east_m, z=-body.up_m,
             vx=body.v_north_m_s, vy=body.v_east_m_s, vz=-body.v_up_m_s,
@@ -269,55 +265,35 @@ def _to_centi(value_m_s: float) -> int:
     return round(value_m_s * 100)
 
 
-def build_global_position(home: Home, body: Body, boot_ms: int, off: tuple[float, float]) -> Outbound:
-    """Return GLOBAL_POSITION_INT; `off` is how far east, and faster to the east, it takes itself to be."""
-    lat, lon = home.lat_lon_e7(body.east_m + off[0], body.north_m)
+def _build_global_position(vehicle: Reporter) -> Outbound:
+    home, body, now_s = vehicle.home, vehicle.frame.body, vehicle.now_s
+    lat, lon = home.lat_lon_e7(body.east_m + vehicle.positioning.off_m(now_s), body.north_m)
     return build_message(
-        "GLOBAL_POSITION_INT", time_boot_ms=boot_ms, lat=lat, lon=lon, alt=round((home.alt_m + body.up_m) * 1000),
-        relative_alt=round(body.up_m * 1000), vx=_to_centi(body.v_north_m_s),
-        vy=_to_centi(body.v_east_m_s + off[1]), vz=_to_centi(-body.v_up_m_s), hdg=heading_cdeg(body),
+        "GLOBAL_POSITION_INT", time_boot_ms=vehicle.boot_ms, lat=lat, lon=lon,
+        alt=round((home.alt_m + body.up_m) * 1000), relative_alt=round(body.up_m * 1000),
+        vx=_to_centi(body.v_north_m_s), vy=_to_centi(body.v_east_m_s + vehicle.positioning.off_m_s(now_s)),
+        vz=_to_centi(-body.v_up_m_s), hdg=heading_cdeg(body),
     )  # fmt: skip
 
 
-def build_gps_raw(home: Home, body: Body, boot_ms: int, *, fix: int) -> Outbound:
+def _build_gps_raw(vehicle: Reporter) -> Outbound:
     """Return GPS_RAW_INT; accuracies as in the recorded flights."""
+    home, body = vehicle.home, vehicle.frame.body
     lat, lon = home.lat_lon_e7(body.east_m, body.north_m)
     alt_mm = round((home.alt_m + body.up_m) * 1000)
     course = round(math.degrees(math.atan2(body.v_east_m_s, body.v_north_m_s)) * 100) % 36000
     return build_message(
-        "GPS_RAW_INT", time_usec=boot_ms * 1000, fix_type=fix, lat=lat, lon=lon, alt=alt_mm, eph=121, epv=200,
-        vel=_to_centi(body.ground_speed_m_s), cog=course, satellites_visible=10, alt_ellipsoid=alt_mm, h_acc=300,
-        v_acc=300, vel_acc=0, hdg_acc=0, yaw=0,
+        "GPS_RAW_INT", time_usec=vehicle.boot_ms * 1000, fix_type=vehicle.gps_fix, lat=lat, lon=lon, alt=alt_mm,
+        eph=121, epv=200, vel=_to_centi(body.ground_speed_m_s), cog=course, satellites_visible=10,
+        alt_ellipsoid=alt_mm, h_acc=300, v_acc=300, vel_acc=0, hdg_acc=0, yaw=0,
     )  # fmt: skip
 
 
-def build_battery_status(
-    *,
-    voltage_v: float,
-    current_ca: int,
-    consumed_mah: int,
-    energy_hj: int,
-    remaining_pct: int,
-    charge_state: int,
-    kind: int,
-) -> Outbound:
-    """Return BATTERY_STATUS as both autopilots fill it: the pack in the first cell, the rest unused.
-
-    Args:
-        voltage_v: of the pack.
-        current_ca: centiamperes, -1 unknown.
-        consumed_mah: -1 unknown.
-        energy_hj: hectojoules, -1 unknown.
-        remaining_pct: -1 unknown.
-        charge_state: MAV_BATTERY_CHARGE_STATE.
-        kind: MAV_BATTERY_TYPE, and function: 0 unknown, 1 lithium polymer for everything.
-    """
-    return build_message(
-        "BATTERY_STATUS", id=0, battery_function=kind, type=kind, temperature=INT16_MAX,
-        voltages=(round(voltage_v * 1000), *UNUSED_CELLS), current_battery=current_ca, current_consumed=consumed_mah,
-        energy_consumed=energy_hj, battery_remaining=remaining_pct, time_remaining=0, charge_state=charge_state,
-        voltages_ext=(0, 0, 0, 0), mode=0, fault_bitmask=0,
-    )  # fmt: skip
+def name_cells(voltage_v: float) -> dict[str, FieldValue]:
+    """Return what both autopilots say in BATTERY_STATUS: the pack in the first cell, the rest unused."""
+    cells = round(voltage_v * 1000), *UNUSED_CELLS
+    unused = dict.fromkeys(("id", "time_remaining", "mode", "fault_bitmask"), 0)
+    return {**unused, "temperature": INT16_MAX, "voltages": cells, "voltages_ext": (0, 0, 0, 0)}
 
 
 def build_sys_status(
@@ -332,11 +308,12 @@ def build_sys_status(
     )  # fmt: skip
 
 
-def build_autopilot_version(*, capabilities: int, version: tuple[int, int, int, int], uid: int) -> Outbound:
-    """Return AUTOPILOT_VERSION; ``version`` is three numbers and FIRMWARE_VERSION_TYPE."""
+def _build_autopilot_version(vehicle: Reporter) -> Outbound:
+    version, uid = vehicle.VERSION, vehicle.vehicle.sysid
     software = version[0] << 24 | version[1] << 16 | version[2] << 8 | version[3]
     return build_message(
-        "AUTOPILOT_VERSION", capabilities=capabilities, flight_sw_version=software, middleware_sw_version=software,
-        os_sw_version=0, board_version=0, flight_custom_version=(0,) * 8, middleware_custom_version=(0,) * 8,
-        os_custom_version=(0,) * 8, vendor_id=0, product_id=0, uid=uid, uid2=(uid, *(0,) * 17),
+        "AUTOPILOT_VERSION", capabilities=vehicle.CAPABILITIES, flight_sw_version=software,
+        middleware_sw_version=software, os_sw_version=0, board_version=0, flight_custom_version=(0,) * 8,
+        middleware_custom_version=(0,) * 8, os_custom_version=(0,) * 8, vendor_id=0, product_id=0,
+        uid=uid, uid2=(uid, *(0,) * 17),
     )  # fmt: skip

@@ -71,18 +71,14 @@ class Recorder:
 
     def note(self, datagram: bytes, up: bool) -> None:
         """Take what a client sends, or what has reached it."""
-        if not up and _is_telemetry(datagram):
+        # Over a radio frames come in pieces; one whole frame of telemetry need not be read.
+        whole = len(datagram) >= 10 and datagram[0] == 0xFD and measure_frame(datagram) == len(datagram)
+        if whole and not up and int.from_bytes(datagram[7:10], "little") not in _KEPT_IDS:
             return
         for message in self._parsers[up].parse_buffer(datagram) or []:
             name = message.get_type()
             if name != "BAD_DATA" and (up or name in ANSWERS):
                 self.said.append(Said(self._now_s(), self._vehicle, up, message))
-
-
-def _is_telemetry(datagram: bytes) -> bool:
-    """Return whether this is one frame of MAVLink 2 that need not be read; over a radio frames come in pieces."""
-    whole = len(datagram) >= 10 and datagram[0] == 0xFD and measure_frame(datagram) == len(datagram)
-    return whole and int.from_bytes(datagram[7:10], "little") not in _KEPT_IDS
 
 
 def format_transcript(said: Iterable[Said]) -> str:

@@ -357,7 +357,14 @@ def _place_network(
         poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
         raise NetworkError(f"segments: expected at least one, found none{poles}{explain_empty_file(drawing.remarks)}")
     if frame is not None and radius_m is not None:
-        built = _crop_to_radius(built, frame, radius_m)
+        # A network of a country would be refused as such: of what was found, too, only what is about the part counts.
+        pylons, segments = part_within(built.pylons, built.segments, frame, radius_m)
+        lines = {segment.label: built.lines.get(segment.label, "") for segment in segments}
+        known = {pylon.id for pylon in built.pylons} | set(built.lines) | set(built.lines.values())
+        gone = known - {pylon.id for pylon in pylons} - set(lines) - set(lines.values())
+        built = UnplacedNetwork(
+            pylons, segments, lines, tuple(one for one in built.found if (one.about or one.asset) not in gone)
+        )
         if not built.segments:
             raise _build_nothing_near_error(drawing, frame, radius_m)
     has_depot, lacks = frame is not None, ""
@@ -383,17 +390,6 @@ def _build_nothing_near_error(drawing: RawNetwork, frame: LocalFrame | None, rad
         swapped = distance_m(frame.lat_deg, frame.lon_deg, drawing.far[1], drawing.far[0]) <= MAX_DISTANCE_M
         hint = "; latitude and longitude look swapped (GeoJSON has longitude first)" if swapped else ""
     return NetworkError(f"radius_m: no segment lies within {radius_m:g} m of the depot{hint}")
-
-
-def _crop_to_radius(built: UnplacedNetwork, frame: LocalFrame, radius_m: float) -> UnplacedNetwork:
-    """Return what lies within a radius, and what was found of it; a network of a country would be refused as such."""
-    pylons, segments = part_within(built.pylons, built.segments, frame, radius_m)
-    lines = {segment.label: built.lines.get(segment.label, "") for segment in segments}
-    known = {pylon.id for pylon in built.pylons} | set(built.lines) | set(built.lines.values())
-    gone = known - {pylon.id for pylon in pylons} - set(lines) - set(lines.values())
-    return UnplacedNetwork(
-        pylons, segments, lines, tuple(one for one in built.found if (one.about or one.asset) not in gone)
-    )
 
 
 def _find_depot(drawing: RawNetwork, known: LocalFrame | None) -> tuple[LocalFrame | None, bool]:

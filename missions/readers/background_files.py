@@ -146,11 +146,25 @@ def _read(
     window = find_window(dataset, locate_cells(dataset, crs, wanted.sample_places_deg()), BEYOND_PIXELS)
     if window is None:
         return None
-    few = _decimation(path, dataset, window, wanted)
+    # How many pixels of the file become one, on a side.
+    few = max(1.0, math.sqrt(window.width * window.height / wanted.most_pixels) / FINER)
+    overviews = max([1, *dataset.overviews(1)])
+    if window.width * window.height > MOST_READ * min(overviews, few) ** 2:
+        raise BackgroundError(
+            f"{path}: overviews: expected some in a picture of {dataset.width} by {dataset.height} pixels: gdaladdo "
+            "makes them"
+        )
     if may_be_coarser and few >= 2.0:
         return None
     shape = (max(1, round(window.height / few)), max(1, round(window.width / few)))
-    step_m = few * _pixel_m(path, dataset, crs, wanted)
+    # About how large a pixel of the file is over the ground, in the middle of the area.
+    middle_m = np.mean([wanted.low_m, wanted.high_m], axis=0)
+    lattice_m = middle_m + ALONG_M * np.array([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
+    at = locate_cells(dataset, crs, wanted.frame.many_to_wgs84_deg(lattice_m))
+    pixel_m = measure_cell_m(at.reshape(2, 2, 2), ALONG_M)
+    if not math.isfinite(pixel_m):
+        raise BackgroundError(f"{path}: crs: expected one that has places around the line")
+    step_m = few * pixel_m
     made = _warp_to_plane(dataset, window, shape, wanted, step_m)
     if not made[3].any():
         raise BackgroundError(
@@ -191,29 +205,6 @@ def _check_bands(path: Path, dataset: rasterio.DatasetReader) -> None:
         raise BackgroundError(
             f"{path}: band 1: expected a picture of 8 or 16 bits, got {kind}: is it a raster of heights?"
         )
-
-
-def _pixel_m(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: PictureArea) -> float:
-    """Return about how large a pixel of the file is over the ground, in the middle of the area."""
-    middle_m = np.mean([wanted.low_m, wanted.high_m], axis=0)
-    lattice_m = middle_m + ALONG_M * np.array([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
-    at = locate_cells(dataset, crs, wanted.frame.many_to_wgs84_deg(lattice_m))
-    pixel_m = measure_cell_m(at.reshape(2, 2, 2), ALONG_M)
-    if not math.isfinite(pixel_m):
-        raise BackgroundError(f"{path}: crs: expected one that has places around the line")
-    return pixel_m
-
-
-def _decimation(path: Path, dataset: rasterio.DatasetReader, window: Window, wanted: PictureArea) -> float:
-    """Return how many pixels of the file become one, on a side."""
-    few = max(1.0, math.sqrt(window.width * window.height / wanted.most_pixels) / FINER)
-    overviews = max([1, *dataset.overviews(1)])
-    if window.width * window.height > MOST_READ * min(overviews, few) ** 2:
-        raise BackgroundError(
-            f"{path}: overviews: expected some in a picture of {dataset.width} by {dataset.height} pixels: gdaladdo "
-            "makes them"
-        )
-    return few
 
 
 def _read_pixels(dataset: rasterio.DatasetReader, window: Window, shape: tuple[int, int]) -> Pixels:

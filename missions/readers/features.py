@@ -180,8 +180,13 @@ class SourceLayer:
     """Where it says so, for messages."""
 
 
-def _select_wanted_layers(layers: Sequence[SourceLayer], choice: ReadOptions) -> list[SourceLayer]:
-    """Return the layers to read: those asked for, or else those of points and lines if they are one of each at most."""
+def add_layers(drawing: RawNetwork, layers: Sequence[SourceLayer], choice: ReadOptions) -> None:
+    """Add the layers that are wanted, each in its own reference system.
+
+    Raises:
+        NetworkError: one line that names the file, the layer and feature and what was expected.
+    """
+    # Those asked for, or else those of points and lines if they are one of each at most.
     useful = [layer for layer in layers if layer.kind is not GeometryKind.OTHER]
     if not useful:
         others = f" but {quote_names(layer.name for layer in layers)}" if layers else ""
@@ -192,17 +197,8 @@ def _select_wanted_layers(layers: Sequence[SourceLayer], choice: ReadOptions) ->
         if not choice.layers and sum(layer.kind is kind for layer in wanted) > 1:
             words = ", ".join(f"{layer.name!r} ({layer.count} {layer.kind.value}s)" for layer in useful[:12])
             raise NetworkError(f"layer: expected it to say which of these are meant: {words}")
-    return wanted
-
-
-def add_layers(drawing: RawNetwork, layers: Sequence[SourceLayer], choice: ReadOptions) -> None:
-    """Add the layers that are wanted, each in its own reference system.
-
-    Raises:
-        NetworkError: one line that names the file, the layer and feature and what was expected.
-    """
     systems = []
-    for layer in _select_wanted_layers(layers, choice):
+    for layer in wanted:
         system = _find_system(layer, choice.crs)
         systems.append(system.words)
         add_features(drawing, layer.features, choice, system)

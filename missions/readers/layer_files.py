@@ -78,7 +78,10 @@ def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
     reasons = sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError
     with explaining_errors("content: expected a GeoPackage", *reasons), open_sqlite(path) as database:
         drawing = _read_tables(database, choice)
-    if _is_left_open(path):
+    # It says that its last changes go to a -wal, and none is there.
+    with path.open("rb") as file:
+        modes = file.read(20)[18:20]
+    if modes == WAL and not path.resolve().with_name(path.resolve().name + JOURNALS[0]).exists():
         text = "a program has it open, or it was copied without its -wal: what was saved last may be missing"
         drawing.found.append(Remark(RemarkTopic.WHOLE, choice.source, text))
     return drawing
@@ -124,13 +127,6 @@ def _copy_database(path: Path, journals: Sequence[Path], folder: Path) -> Path:
 def _read_file_state(path: Path, journals: Sequence[Path]) -> list[tuple[int, int] | None]:
     each = [one.stat() if one.is_file() else None for one in (path, *journals)]
     return [None if one is None else (one.st_size, one.st_mtime_ns) for one in each]
-
-
-def _is_left_open(path: Path) -> bool:
-    """Return whether a database says that its last changes go to a -wal, and none is there."""
-    with path.open("rb") as file:
-        modes = file.read(20)[18:20]
-    return modes == WAL and not path.resolve().with_name(path.resolve().name + JOURNALS[0]).exists()
 
 
 def _read_tables(database: sqlite3.Connection, choice: ReadOptions) -> RawNetwork:

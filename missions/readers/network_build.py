@@ -123,18 +123,6 @@ class Nodes:
         self._add(Node("", lat_deg, lon_deg, at_m, drawn=False))
         return len(self.nodes) - 1
 
-    def discard_hinted_heights(self, used: Iterable[int], asset: str) -> None:
-        """Forget heights that count only if all poles on lines have them, where some have not."""
-        poles = [self.nodes[index] for index in used if self.nodes[index].drawn]
-        for key in ("elevation_m", "height_m"):
-            hinted = [node for node in poles if key in node.hinted]
-            known = sum(getattr(node, key) is not None for node in poles)
-            if hinted and known < len(poles):
-                text = f"{hinted[0].hinted[key]} is known of {known} of {len(poles)} poles: not used"
-                self.found.append(Remark(RemarkTopic.HEIGHTS, asset, text))
-            for node in hinted if known < len(poles) else ():
-                setattr(node, key, None)
-
     def name_unnamed(self, indices: Iterable[int]) -> None:
         """Name what has no name yet."""
         for index in indices:
@@ -452,7 +440,16 @@ def _assemble_network(drawing: RawNetwork, nodes: Nodes, spans: _Spans, mending:
     new_index = {old: new for new, old in enumerate(used)}
     # What a file has drawn as spans by their poles' names may have poles beside; they were never on a line.
     unused: Sequence[int] = [index for index, node in enumerate(nodes.nodes) if node.drawn and index not in new_index]
-    nodes.discard_hinted_heights(used, drawing.format)
+    # Hinted heights count only if all poles on lines have them.
+    poles = [nodes.nodes[index] for index in used if nodes.nodes[index].drawn]
+    for key in ("elevation_m", "height_m"):
+        hinted = [node for node in poles if key in node.hinted]
+        known = sum(getattr(node, key) is not None for node in poles)
+        if hinted and known < len(poles):
+            text = f"{hinted[0].hinted[key]} is known of {known} of {len(poles)} poles: not used"
+            nodes.found.append(Remark(RemarkTopic.HEIGHTS, drawing.format, text))
+        for node in hinted if known < len(poles) else ():
+            setattr(node, key, None)
     found = [*drawing.remarks, *nodes.found, *spans.found,
              *_find_oddities(spans, unused, mending.max_span_m or LONG_M)]  # fmt: skip
     pylons = (nodes.nodes[old] for old in used)
@@ -484,13 +481,6 @@ def _find_oddities(spans: _Spans, unused: Sequence[int], longest_m: float) -> It
     places_m = np.array([node.at_m for node in spans.nodes.nodes], dtype=np.float64)
     ends = np.array(spans.pairs, dtype=np.intp)
     ends_m = places_m[ends]
-    yield from _check_lengths(spans, ends_m, longest_m)
-    yield from _check_crossings(spans, ends_m, ends)
-    yield from _check_near_misses(spans, places_m, ends_m, ends)
-    yield from _check_unused(spans, places_m, ends_m, unused)
-
-
-def _check_lengths(spans: _Spans, ends_m: FloatArray, longest_m: float) -> Iterator[Remark]:
     lengths_m = np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T).tolist()
     by_line: dict[str, list[float]] = {}
     for length_m, label, line in zip(lengths_m, spans.labels, spans.lines, strict=True):
@@ -503,6 +493,9 @@ def _check_lengths(spans: _Spans, ends_m: FloatArray, longest_m: float) -> Itera
             yield Remark(
                 RemarkTopic.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?"
             )
+    yield from _check_crossings(spans, ends_m, ends)
+    yield from _check_near_misses(spans, places_m, ends_m, ends)
+    yield from _check_unused(spans, places_m, ends_m, unused)
 
 
 def _check_crossings(spans: _Spans, ends_m: FloatArray, ends: np.ndarray) -> Iterator[Remark]:

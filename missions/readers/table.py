@@ -15,7 +15,6 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
@@ -36,10 +35,6 @@ from missions.readers.attributes import (
 )
 from missions.readers.features import IDENTITY, Wgs84Transform, build_wgs84_transform
 from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, Remark, RemarkTopic, quote_names
-
-if TYPE_CHECKING:
-    import openpyxl
-    from openpyxl.worksheet._read_only import ReadOnlyWorksheet
 
 CSV, XLSX = "CSV", "XLSX"
 ORDER = ("order", "seq", "sequence", "position", "nr", "no")
@@ -136,36 +131,24 @@ def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetw
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        sheet = _select_sheet(book, choice)
-        hidden = _count_hidden_rows(archive, sheet)
-        rows = _read_cells(sheet)
+        titles = [sheet.title for sheet in book.worksheets]
+        wanted = choice.select_layers(titles, "sheet")
+        if not choice.layers and len(wanted) > 1:
+            wanted = tuple(sheet.title for sheet in book.worksheets if sheet.sheet_state == "visible")
+        if len(wanted) != 1:
+            raise NetworkError(f"layer: expected one sheet of {quote_names(titles)}, found {len(wanted)}")
+        sheet = book[wanted[0]]
+        # A sheet is read row by row and does not say itself how many rows people do not see.
+        path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
+        hidden = len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
+        sheet.reset_dimensions()  # what a sheet says of its own size may be anything
+        cells = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
+        rows = [(f"sheet {sheet.title!r} row {number}", row) for number, row in cells]
     found: list[Remark] = []
     if hidden:
         text = f"{hidden} rows are hidden, as by a filter: they are read all the same"
         found.append(Remark(RemarkTopic.WHOLE, choice.source, text))
     return _build_raw_network(_find_table(rows, XLSX, found), XLSX, choice, found)
-
-
-def _select_sheet(book: openpyxl.Workbook, choice: ReadOptions) -> ReadOnlyWorksheet:
-    titles = [sheet.title for sheet in book.worksheets]
-    wanted = choice.select_layers(titles, "sheet")
-    if not choice.layers and len(wanted) > 1:
-        wanted = tuple(sheet.title for sheet in book.worksheets if sheet.sheet_state == "visible")
-    if len(wanted) != 1:
-        raise NetworkError(f"layer: expected one sheet of {quote_names(titles)}, found {len(wanted)}")
-    return book[wanted[0]]
-
-
-def _read_cells(sheet: ReadOnlyWorksheet) -> list[tuple[str, Sequence[object]]]:
-    sheet.reset_dimensions()  # what a sheet says of its own size may be anything
-    rows = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
-    return [(f"sheet {sheet.title!r} row {number}", row) for number, row in rows]
-
-
-def _count_hidden_rows(archive: Archive, sheet: ReadOnlyWorksheet) -> int:
-    """Return how many rows people do not see in a sheet, which is read row by row and does not say so itself."""
-    path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
-    return len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
 
 
 def _detect_delimiter(text: str) -> tuple[str, bool]:
@@ -295,7 +278,11 @@ def _build_member(
     if not is_pole or is_buried:
         drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
     x, y = (_read_coordinate(row, keys, mark) for keys in horizontal)
-    return _Member(_read_rank(row), row, x, y, is_pole, is_buried)
+    value = find_first_value(row.cells, ORDER)
+    rank = values.parse_pole_rank(value)
+    if rank is None:
+        raise NetworkError(f"{row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
+    return _Member(rank, row, x, y, is_pole, is_buried)
 
 
 def _find_system(
@@ -321,14 +308,6 @@ def _read_coordinate(row: _Row, keys: Sequence[str], mark: str | None) -> float:
     if figure is None or not is_figure(figure):
         raise NetworkError(f"{row.place}: {keys[0]}: expected a number, got {value!r}")
     return figure
-
-
-def _read_rank(row: _Row) -> values.PoleRank:
-    value = find_first_value(row.cells, ORDER)
-    rank = values.parse_pole_rank(value)
-    if rank is None:
-        raise NetworkError(f"{row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
-    return rank
 
 
 def _add_line(drawing: RawNetwork, line: str, members: list[_Member], system: Wgs84Transform, mark: str | None) -> None:

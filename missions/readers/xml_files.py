@@ -72,7 +72,10 @@ def root_of(content: bytes) -> etree._Element:
 
     if len(content) > MOST_BYTES:
         raise NetworkError(f"content: expected XML of at most {MOST_BYTES // 1_000_000} MB")
-    _refuse_page(content)
+    if _PAGE.match(content[:4096]):
+        title = _TITLE.search(content[:4096])
+        named = "" if title is None else f": {to_printable(title[1].decode('utf-8', 'replace'))[:100]!r}"
+        raise NetworkError(f"content: expected a map's data, got a page of HTML such as a server's{named}")
     try:
         root = _parse_root(content)
     except (etree.XMLSyntaxError, ValueError) as reason:
@@ -89,13 +92,6 @@ def root_of(content: bytes) -> etree._Element:
     if root.getroottree().docinfo.doctype:
         raise NetworkError("content: expected XML without a document type (DOCTYPE)")
     return root
-
-
-def _refuse_page(content: bytes) -> None:
-    if _PAGE.match(content[:4096]):
-        title = _TITLE.search(content[:4096])
-        words = "" if title is None else f": {to_printable(title[1].decode('utf-8', 'replace'))[:100]!r}"
-        raise NetworkError(f"content: expected a map's data, got a page of HTML such as a server's{words}")
 
 
 def _parse_root(content: bytes) -> etree._Element:

@@ -105,10 +105,6 @@ class SortiesAfterLoss:
     broken: tuple[Route, ...]
     """What the lost were flying: nothing of it counts, but its packs are gone."""
 
-    def list_known_sorties(self, plan: Plan) -> list[Route]:
-        """Return all sorties that have taken off or will: for the next loss."""
-        return sorted([*self.kept, *self.broken, *plan.routes], key=lambda one: (one.vehicle, one.start_s))
-
 
 def build_sorties_after_loss(
     instance: SortieInstance, sorties: Sequence[Route], lost: Mapping[int, float], at_s: float
@@ -348,7 +344,7 @@ def _simulate_once(
         lost[number] = at_s
         left = build_sorties_after_loss(instance, flown, lost, at_s)
         plan = replan_sorties(left, seed, table)
-        flown = left.list_known_sorties(plan)
+        flown = sorted([*left.kept, *left.broken, *plan.routes], key=lambda one: (one.vehicle, one.start_s))
     return flown, len(lost), not plan.uncovered
 
 

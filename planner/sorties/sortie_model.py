@@ -116,7 +116,17 @@ class SortieInstance:
             raise InstanceError("bases, vehicles, days: expected one at least of each")
         if not self.stagger_s >= 0:
             raise InstanceError("stagger_s: expected 0 or more")
-        _check_tables(self)
+        visits, d, k = self.moves.visits, len(self.bases), len(self.vehicles)
+        shapes: dict[str, tuple[int, ...]] = {
+            "out_s": (k, d, visits), "out_pct": (k, d, visits), "home_s": (k, visits, d), "home_pct": (k, visits, d),
+            "transfer_s": (d, d), "able": (k, visits // 2), "wanted": (visits // 2,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            table: npt.NDArray[np.generic] = getattr(self, name)
+            if table.shape != shape:
+                raise InstanceError(f"{name} has shape {table.shape}, expected {shape}")
+            if not bool((np.asarray(table, dtype=np.float64) >= 0).all()):
+                raise InstanceError(f"{name}: expected numbers, 0 or more")
         _check_windows("days", self.days)
         for base in self.bases:
             _check_base(base)
@@ -135,21 +145,6 @@ class SortieInstance:
         for segment, keeper in self.locked.items():
             allowed[np.arange(len(allowed)) != keeper, segment] = False
         return allowed
-
-
-def _check_tables(instance: SortieInstance) -> None:
-    visits, d, k = instance.moves.visits, len(instance.bases), len(instance.vehicles)
-    shapes: dict[str, tuple[npt.NDArray[np.generic], tuple[int, ...]]] = {
-        "out_s": (instance.out_s, (k, d, visits)), "out_pct": (instance.out_pct, (k, d, visits)),
-        "home_s": (instance.home_s, (k, visits, d)), "home_pct": (instance.home_pct, (k, visits, d)),
-        "transfer_s": (instance.transfer_s, (d, d)), "able": (instance.able, (k, visits // 2)),
-        "wanted": (instance.wanted, (visits // 2,)),
-    }  # fmt: skip
-    for name, (table, shape) in shapes.items():
-        if table.shape != shape:
-            raise InstanceError(f"{name} has shape {table.shape}, expected {shape}")
-        if not bool((np.asarray(table, dtype=np.float64) >= 0).all()):
-            raise InstanceError(f"{name}: expected numbers, 0 or more")
 
 
 def _check_base(base: SortieBase) -> None:

@@ -10,7 +10,6 @@ from planner import (
     PlanError,
     Route,
     completion_times_s,
-    energy_use_pct,
     evaluate,
     route_duration_s,
     route_energy_pct,
@@ -26,7 +25,6 @@ def test_times_and_energies_of_a_route() -> None:
     assert completion_times_s(INSTANCE, PLAN.routes[0]) == (10.0, 20.0)
     assert route_duration_s(INSTANCE, PLAN.routes[0]) == 40.0
     assert route_energy_pct(INSTANCE, PLAN.routes[1]) == 60.0
-    assert [energy_use_pct(INSTANCE, PLAN.routes[0], visits) for visits in range(3)] == [0.0, 10.0, 20.0]
 
 
 def test_a_route_without_a_visit_takes_nothing_on_the_ground() -> None:

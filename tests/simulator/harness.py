@@ -214,7 +214,7 @@ class Operator:
         return fields_of(next(answer for answer in answers if answer.name == name))
 
     def _collect(self) -> list[Outbound]:
-        messages = self.vehicle.voice.drain()
+        messages = [message for _, message in self.vehicle.voice.drain()]
         if self.vehicle.is_mute:
             return []
         self.log += [(self.now_s, message) for message in messages]

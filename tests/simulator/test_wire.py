@@ -15,8 +15,8 @@ from simulator.messages import (
     Ping,
     RequestDataStream,
     Timesync,
+    VehicleOutbox,
     build_message,
-    split_status_text,
 )
 from simulator.streams import MESSAGE_IDS
 from simulator.wire import READERS, Codec
@@ -128,11 +128,13 @@ def test_numbers_are_pymavlinks() -> None:
 @pytest.mark.parametrize("length", [0, 1, 49, 50, 51, 99, 100, 101])
 def test_texts_of_every_length_come_whole(length: int) -> None:
     text = "x" * length
-    parts = [message.fields for message in split_status_text(6, text, 7)]
+    outbox = VehicleOutbox(tab=False)
+    outbox.send_text(6, text)
+    parts = [message.fields for _, message in outbox.drain()]
     raw = [part["text"] for part in parts]
     assert b"".join(part for part in raw if isinstance(part, bytes)).decode() == text
     assert [part["chunk_seq"] for part in parts] == list(range(len(parts)))
-    assert all(part["id"] == (7 if len(parts) > 1 else 0) for part in parts)
+    assert all(part["id"] == (1 if len(parts) > 1 else 0) for part in parts)
     last = raw[-1]
     assert isinstance(last, bytes)
     assert len(parts) == 1 or len(last) < 50
