@@ -25,7 +25,7 @@ from executor.site.ground_view import DOCUMENT
 from executor.site.site_model import SiteModel
 
 PICTURES = {
-    "profile.png": "The first plan from the side, over the ground of the raster",
+    "profile.png": "The {first} from the side, over the ground of the raster",
     "battery.png": "Battery consumption over time, planned and measured",
 }
 """Pictures beside the page, with their captions."""
@@ -50,7 +50,7 @@ def write_report_page(
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
     """
-    beside = {words: path.parent / name for name, words in PICTURES.items()}
+    beside = {words.format(first=record.first_words): path.parent / name for name, words in PICTURES.items()}
     pictures = {words: file.read_bytes() for words, file in beside.items() if file.exists()}
     write_page(path, render_report_page(record, report, pictures, ground, below))
 
@@ -84,7 +84,7 @@ def render_report_page(
         images={name: encode_data_url(file, f"image/{Path(name).suffix[1:]}") for name, file in images.items()},
         record=record,
         report=report,
-        planned={segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments},
+        planned=record.planned_for,
         named=partial(_get_named_values, report.segment_names),
         distance=_add_distance_column,
         length_m=math.dist,

@@ -250,6 +250,24 @@ def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
     assert f"<{text}>".split() == "".join(_read(render_report_page(record, short_report([]), {})).of("td")[2:]).split()
 
 
+def test_the_map_of_a_day_offers_the_plan_of_all_its_sorties(flight: tuple[FlightRecord, FlightReport]) -> None:
+    record, report = flight
+    assert _read(render_report_page(record, report, {})).of("option") == [
+        "not shown",
+        "first plan",
+        "re-plan 1, T+0:51",
+    ]
+    first = record.revisions[0].routes
+    later = replace(first[0], segments=(1, 2))
+    day = replace(record, sorties=(*first, later))
+    reader = _read(render_report_page(day, report, {}))
+    assert reader.of("option") == ["not shown", "plan of the day", "re-plan 1, T+0:51"]
+    plan = json.loads(reader.of("script")[0])["plans"][0]
+    assert [one["vehicle"] for one in plan["routes"]] == ["uav1", "uav2", "uav1"]
+    cells = reader.of("td")
+    assert any(cells[at : at + 4] == ["1", "100.0", "uav1", "uav3"] for at in range(len(cells)))
+
+
 def test_sorties_stand_with_their_packs_where_there_are_several(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     assert "Sorties" not in render_report_page(record, report, {})
