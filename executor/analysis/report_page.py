@@ -100,13 +100,15 @@ def describe_outcome(record: FlightRecord) -> str:
     """Return in one sentence what became of the flight."""
     total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
     lost = " and ".join(vehicle.name for vehicle, _ in record.losses)
-    if missing == 0:
-        done = f"All {total} segments were inspected in {_format_duration(record.duration_s)}"
+    if not record.uncovered_segments:
+        which = f"All {total} segments" if not missing else f"All {len(record.segments)} segments within reach"
+        done = f"{which} were inspected in {_format_duration(record.duration_s)}"
+        never = f"; {missing} more {'is' if missing == 1 else 'are'} out of reach" if missing else ""
         if not lost:
-            return f"{done}."
+            return f"{done}{never}."
         handed = len(find_abandoned_segments(record))
         others = f"; the others took over {handed} of them" if handed else ""
-        return f"{done}, although {lost} {'was' if len(record.losses) == 1 else 'were'} lost{others}."
+        return f"{done}, although {lost} {'was' if len(record.losses) == 1 else 'were'} lost{others}{never}."
     reason = f" after {lost} {'was' if len(record.losses) == 1 else 'were'} lost" if lost else ""
     were = "was" if missing == 1 else "were"
     flown = _format_duration(record.duration_s)

@@ -18,6 +18,7 @@ from missions import PlanFile, check_plan, read_any_plan
 from tests.e2e.flights import called, said_in
 from tests.e2e.gallery import browsing
 from tests.e2e.plan_pages import PATIENCE_MS, Hand, planning, write_kml
+from tests.executor.flights import write_run
 from tests.executor.plan_page.opened import Opened, make_demo_site
 from tests.ports import free_port, free_ports
 
@@ -192,6 +193,23 @@ async def test_a_search_is_cancelled_and_the_plan_before_is_kept(tmp_path: Path)
         await hand.type('[data-path="inspection.height_m"] input', "17")
         await expect(page.locator("#plans .notice", has_text="The site has changed since this plan")).to_be_visible()
         await expect(page.locator("#fly")).to_be_disabled()
+
+
+async def test_why_what_is_left_cannot_be_planned_stays_in_sight(tmp_path: Path) -> None:
+    run = tmp_path / "runs" / "elsewhere"
+    run.mkdir(parents=True)
+    report = write_run(run, finished=False)
+    report.model_copy(update={"uncovered_names": ("P1-P2",)}).write(run / "report.json")
+    async with planning(tmp_path, make_demo_site(tmp_path), size=(1024, 500)) as (page, _):
+        hand = Hand(page)
+        failed = page.locator("#plans .failed")
+        await expect(failed).to_be_hidden()
+        await hand.click(page.get_by_role("button", name="Plan the 1 that is left"))
+        await expect(failed).to_contain_text("plan-000.json")
+        await expect(failed).to_be_in_viewport(ratio=1)
+        await hand.open("inspection")
+        await hand.type('[data-path="inspection.height_m"] input', "17")
+        await expect(failed).to_be_hidden()
 
 
 async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_slider(tmp_path: Path) -> None:

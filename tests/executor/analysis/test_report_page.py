@@ -95,6 +95,17 @@ def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
     assert "not inspected: 1." in _read(render_report_page(record, report, {})).of("p")[0]
 
 
+def test_what_is_out_of_reach_is_not_put_down_to_the_vehicle_that_was_lost(
+    flight: tuple[FlightRecord, FlightReport],
+) -> None:
+    record, _ = flight
+    barred = replace(record, never=(("P7-P8", "lies in area 'wood'"),))
+    assert describe_outcome(barred) == (
+        "All 5 segments within reach were inspected in 2 min 30 s, although uav2 was lost; the others took over 2 of "
+        "them; 1 more is out of reach."
+    )
+
+
 def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     quiet = replace(record, vehicles=tuple(replace(vehicle, fault=None) for vehicle in record.vehicles), duration_s=42)

@@ -9,6 +9,8 @@ import { translate } from "./translation.js";
 /** @import { Store } from "./plan-store.js" */
 
 const ORDER = ["stop", "warning", "ok"];
+/** @type {Record<string, string>} */
+const MARKS = { stop: "fly.stop", warning: "fly.warning", ok: "fly.ok" };
 
 export class Flights {
   /**
@@ -103,7 +105,7 @@ export class Flights {
     const list = element("ul", "", "checks");
     for (const one of [...checks].sort((a, b) => ORDER.indexOf(a.severity) - ORDER.indexOf(b.severity))) {
       const row = element("li", "", one.severity);
-      row.append(element("b", one.severity === "stop" ? "STOP" : one.severity === "warning" ? "warn" : "ok"), ` ${translate(one.subject)}: ${translate(one.text)}`);
+      row.append(element("b", say(MARKS[one.severity])), ` ${translate(one.subject)}: ${translate(one.text)}`);
       list.append(row);
     }
     this.notice.replaceChildren(element("b", say(ready ? "fly.ready" : "fly.not-ready")), list);
