@@ -94,6 +94,12 @@ class PlanContent:
         return tuple(vehicle.name for vehicle in self.vehicles)
 
     @property
+    def areas(self) -> tuple[Area, ...]:
+        """Areas that its ways lead around."""
+        kept_out = () if self.pricing is None else self.pricing.kept_out
+        return tuple(one.area for one in kept_out if one.area.name != UNKNOWN_GROUND)
+
+    @property
     def solved(self) -> plan_parts.SolverRecord:
         """How the plan came about."""
         return plan_parts.SolverRecord(self.solver, self.seed, self.seconds)
@@ -196,12 +202,6 @@ class PlanFile(PlanContent):
             cameras=other.cameras,
             fence=other.fence,
         )
-
-    @property
-    def areas(self) -> tuple[Area, ...]:
-        """Areas that its ways lead around."""
-        kept_out = () if self.pricing is None else self.pricing.kept_out
-        return tuple(one.area for one in kept_out if one.area.name != UNKNOWN_GROUND)
 
     @property
     def ends_m(self) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import planner
 from executor.adapters.eventlog import read_events, read_head, read_notes
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import FaultRow, FlightReport
+from executor.analysis.documents import FaultRow, FlightReport, read_flown_day_plan
 from executor.core.battery.pack_condition import PackHistory
 from executor.core.interface import messages
 from executor.core.interface.commands import Level
@@ -25,7 +25,7 @@ from executor.errors import LogError
 from executor.site import site_model
 from executor.site.learned_files import load_site_packs
 from executor.site.site_file import Site, read_site
-from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
+from missions import DayPlanFile, Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 from missions.geo import FloatArray
 from missions.no_fly_areas import Area
 from missions.pricing import DEPOT_M
@@ -96,9 +96,12 @@ class PlannedRoute:
     vehicle: str
     segments: tuple[int, ...]
     way_m: tuple[Place, ...]
-    """Start, both ends of every segment in order of flight, and the depot."""
+    """Start, both ends of every segment in order of flight, and the depot, or where a sortie lands."""
     energy: tuple[tuple[float, float], ...]
-    """(seconds, percent used since the launch) at the start, at the end of every segment, and at the depot."""
+    """(seconds, percent used since the launch) at the start, at the end of every segment, and at the depot.
+
+    A sortie of a day has its start and its end alone, with what it uses of its own pack.
+    """
     turns_m: tuple[tuple[Place, ...], ...] = ()
     """Corners of each transit leg, where there are no-fly areas."""
 
@@ -145,6 +148,19 @@ class FlightRecord:
     """No-fly areas."""
     never: tuple[tuple[str, str], ...] = ()
     """Names of segments in or behind an area, and why they could not be inspected."""
+    sorties: tuple[PlannedRoute, ...] = ()
+    """All that the plan of a day has; empty for a single flight, and where nobody flies twice."""
+
+    @property
+    def first_words(self) -> str:
+        """What the routes of the first revision are."""
+        return "first sorties" if self.sorties else "first plan"
+
+    @property
+    def planned_for(self) -> dict[int, str]:
+        """Whose each segment was when the flight began, by its id."""
+        routes = self.sorties or self.revisions[0].routes
+        return {segment: route.vehicle for route in routes for segment in route.segments}
 
     @property
     def losses(self) -> tuple[tuple[VehicleRecord, FaultRow], ...]:
@@ -183,37 +199,60 @@ def build_planned_route(
         used_pct: What the vehicle had used by then.
     """
     vehicle = content.vehicles[route.vehicle]
-    segments = [content.segments[planner.segment_of(visit)] for visit in route.visits]
-    way_m: list[Place] = [vehicle.start_m]
-    for visit, segment in zip(route.visits, segments, strict=True):
-        ends_m = (segment.a_enu_m[:2], segment.b_enu_m[:2])
-        way_m += reversed(ends_m) if planner.is_reversed(visit) else ends_m
-    way_m.append(DEPOT_M)
     times_s = accumulate(compute_legs_s(instance, route), initial=began_s)
     uses_pct = accumulate(compute_legs_pct(instance, route), initial=used_pct)
+    pad_m = DEPOT_M if content.pricing is None else content.pricing.bases[vehicle.name].place_m[:2]
+    start_m = vehicle.start_m if vehicle.airborne else pad_m
     return PlannedRoute(
         vehicle=vehicle.name,
-        segments=tuple(segment.id for segment in segments),
-        way_m=tuple(way_m),
+        segments=_list_segments(content, route.visits),
+        way_m=(vehicle.start_m, *_list_ends_m(content, route.visits), DEPOT_M),
         energy=tuple(zip(times_s, uses_pct, strict=True)),
-        turns_m=tuple(_find_turns_m(content, route)),
+        turns_m=tuple(_find_turns_m(content, vehicle.name, route.visits, start_m, pad_m)),
     )
 
 
-def _find_turns_m(content: PlanFile, route: planner.Route) -> Iterator[tuple[Place, ...]]:
+def build_planned_sorties(content: DayPlanFile) -> Iterator[PlannedRoute]:
+    """Yield all that a day's plan has, each at its time after the first take-off."""
+    first_s = min((one.start_s for one in content.routes), default=0.0)
+    own = {vehicle.name: dict(zip(content.base_names, vehicle.pads, strict=True)) for vehicle in content.vehicles}
+    for one in content.routes:
+        visits, began_s = content.visits_of(one), one.start_s - first_s
+        start_m, end_m = (own[one.vehicle][base].place_m[:2] for base in (one.base, one.lands))
+        yield PlannedRoute(
+            vehicle=one.vehicle,
+            segments=_list_segments(content, visits),
+            way_m=(start_m, *_list_ends_m(content, visits), end_m),
+            energy=((began_s, 0.0), (began_s + one.duration_s, one.energy_pct)),
+            turns_m=tuple(_find_turns_m(content, one.vehicle, visits, start_m, end_m)),
+        )
+
+
+def _list_segments(content: PlanFile | DayPlanFile, visits: Iterable[int]) -> tuple[int, ...]:
+    return tuple(content.segments[planner.segment_of(visit)].id for visit in visits)
+
+
+def _list_ends_m(content: PlanFile | DayPlanFile, visits: Iterable[int]) -> Iterator[Place]:
+    for visit in visits:
+        segment = content.segments[planner.segment_of(visit)]
+        ends_m = (segment.a_enu_m[:2], segment.b_enu_m[:2])
+        yield from reversed(ends_m) if planner.is_reversed(visit) else ends_m
+
+
+def _find_turns_m(
+    content: PlanFile | DayPlanFile, vehicle: str, visits: Iterable[int], start_m: Place, end_m: Place
+) -> Iterator[tuple[Place, ...]]:
     """Yield the corners of every way between two inspections, and of those from the start and home."""
     if content.pricing is None or not content.areas:
         return
-    vehicle = content.vehicles[route.vehicle]
-    around = content.pricing.build_vehicle_moves(vehicle.name, around=True).columns
-    base_m = content.pricing.bases[vehicle.name].place_m[:2]
+    around = content.pricing.build_vehicle_moves(vehicle, around=True).columns
     tracks_m = content.pricing.tracks_m[:, :, :2]
-    here_m = np.array(vehicle.start_m if vehicle.airborne else base_m)
-    for visit in route.visits:
-        begin_m, end_m = tracks_m[planner.segment_of(visit)][:: -1 if planner.is_reversed(visit) else 1]
+    here_m = np.array(start_m)
+    for visit in visits:
+        begin_m, then_m = tracks_m[planner.segment_of(visit)][:: -1 if planner.is_reversed(visit) else 1]
         yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, begin_m))
-        here_m = end_m
-    yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, np.array(base_m)))
+        here_m = then_m
+    yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, np.array(end_m)))
 
 
 def find_abandoned_segments(record: FlightRecord) -> list[tuple[SegmentRecord, str]]:
@@ -224,15 +263,15 @@ def find_abandoned_segments(record: FlightRecord) -> list[tuple[SegmentRecord, s
     segments = {segment.id: segment for segment in record.segments}
     left: dict[int, str] = {}
     for vehicle, fault in record.losses:
-        for segment, planned_for in _map_planned_vehicles(record.revisions, fault.detected_s).items():
+        for segment, planned_for in _map_planned_vehicles(record, fault.detected_s).items():
             if planned_for == vehicle.name and segments[segment].inspected_by != vehicle.name:
                 left[segment] = vehicle.name
     return [(segments[number], name) for number, name in sorted(left.items())]
 
 
-def _map_planned_vehicles(revisions: Iterable[PlanRevision], until_s: float) -> dict[int, str]:
-    planned: dict[int, str] = {}
-    for revision in revisions:
+def _map_planned_vehicles(record: FlightRecord, until_s: float) -> dict[int, str]:
+    planned = record.planned_for
+    for revision in record.revisions[1:]:
         if revision.decided_s <= until_s:
             planned |= {segment: route.vehicle for route in revision.routes for segment in route.segments}
     return planned
@@ -377,7 +416,7 @@ def read_run(run: Path) -> FlightRecord:
         SiteError: site.toml cannot be used.
         MissionsError: a plan file cannot be used.
     """
-    report = FlightReport.read(RunDirectory(run).report)
+    report, day = FlightReport.read(RunDirectory(run).report), read_flown_day_plan(run)
     site = read_site(RunDirectory(run).site)
     first = read_plan(RunDirectory(run).plan_path(0))
     log = _read_log(RunDirectory(run).events, first.frame, site)
@@ -399,6 +438,7 @@ def read_run(run: Path) -> FlightRecord:
         duration_s=report.duration_s,
         areas=first.areas,
         never=tuple((one.name, one.why) for one in first.unreachable),
+        sorties=() if day is None or day.flying == len(day.routes) else tuple(build_planned_sorties(day)),
         launched_unix_s=read_head(RunDirectory(run).events).began_unix_s + log.launched_s,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TypedDict
 
 import numpy as np
@@ -41,7 +41,7 @@ class ReportSegment(TypedDict):
     at: str
     """Time of the inspection; empty if unknown."""
     planned: str | None
-    """Vehicle that had it in the first plan."""
+    """Vehicle that it was planned for when the flight began."""
     taken_over: bool
     """Whether it was taken over from a lost vehicle."""
 
@@ -82,7 +82,7 @@ class ReportRoute(TypedDict):
 
 
 class ReportPlan(TypedDict):
-    """The first plan, or a re-plan."""
+    """The first plan, that of a day with all its sorties, or a re-plan."""
 
     name: str
     routes: list[ReportRoute]
@@ -133,12 +133,12 @@ def build_report_map(
         areas=list_page_areas(record.areas),
         places=[] if ground is None else list(_list_places(ground)),
         vehicles=[_build_vehicle(vehicle, rows.get(vehicle.name)) for vehicle in record.vehicles],
-        plans=[_build_plan(revision) for revision in record.revisions],
+        plans=list(_list_plans(record)),
     )
 
 
 def _list_flown(record: flight_record.FlightRecord, report: FlightReport) -> Iterator[ReportSegment]:
-    planned = {segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments}
+    planned = record.planned_for
     left = {segment.id for segment, _ in flight_record.find_abandoned_segments(record)}
     inferred, missed = set(report.inferred), {row.segment for row in report.seen if row.state == "not seen"}
     for one in record.segments:
@@ -212,15 +212,18 @@ def _thin_track(track: FloatArray) -> Iterator[list[flight_record.Place]]:
             yield kept
 
 
-def _build_plan(revision: flight_record.PlanRevision) -> ReportPlan:
-    at = formatting.format_flight_time(revision.decided_s)
-    return ReportPlan(
-        name="first plan" if revision.number == 0 else f"re-plan {revision.number}, {at}",
-        routes=[
-            ReportRoute(vehicle=route.vehicle, way_m=[round_place(place) for place in _list_way(route)])
-            for route in revision.routes
-        ],
-    )
+def _list_plans(record: flight_record.FlightRecord) -> Iterator[ReportPlan]:
+    """Yield what can be shown: of a day all its sorties, not the first ones alone."""
+    first, *later = record.revisions
+    name, routes = ("plan of the day", record.sorties) if record.sorties else (record.first_words, first.routes)
+    yield _build_plan(name, routes)
+    for one in later:
+        yield _build_plan(f"re-plan {one.number}, {formatting.format_flight_time(one.decided_s)}", one.routes)
+
+
+def _build_plan(name: str, routes: Iterable[flight_record.PlannedRoute]) -> ReportPlan:
+    ways = ((route.vehicle, [round_place(place) for place in _list_way(route)]) for route in routes)
+    return ReportPlan(name=name, routes=[ReportRoute(vehicle=vehicle, way_m=way_m) for vehicle, way_m in ways])
 
 
 def _list_way(route: flight_record.PlannedRoute) -> Iterator[flight_record.Place]:

@@ -25,7 +25,7 @@ from executor.site.ground_view import DOCUMENT
 from executor.site.site_model import SiteModel
 
 PICTURES = {
-    "profile.png": "The first plan from the side, over the ground of the raster",
+    "profile.png": "The {first} from the side, over the ground of the raster",
     "battery.png": "Battery consumption over time, planned and measured",
 }
 """Pictures beside the page, with their captions."""
@@ -50,7 +50,7 @@ def write_report_page(
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
     """
-    beside = {words: path.parent / name for name, words in PICTURES.items()}
+    beside = {words.format(first=record.first_words): path.parent / name for name, words in PICTURES.items()}
     pictures = {words: file.read_bytes() for words, file in beside.items() if file.exists()}
     write_page(path, render_report_page(record, report, pictures, ground, below))
 
@@ -84,7 +84,7 @@ def render_report_page(
         images={name: encode_data_url(file, f"image/{Path(name).suffix[1:]}") for name, file in images.items()},
         record=record,
         report=report,
-        planned={segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments},
+        planned=record.planned_for,
         named=partial(_get_named_values, report.segment_names),
         distance=_add_distance_column,
         length_m=math.dist,
@@ -100,13 +100,15 @@ def describe_outcome(record: FlightRecord) -> str:
     """Return in one sentence what became of the flight."""
     total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
     lost = " and ".join(vehicle.name for vehicle, _ in record.losses)
-    if missing == 0:
-        done = f"All {total} segments were inspected in {_format_duration(record.duration_s)}"
+    if not record.uncovered_segments:
+        which = f"All {total} segments" if not missing else f"All {len(record.segments)} segments within reach"
+        done = f"{which} were inspected in {_format_duration(record.duration_s)}"
+        never = f"; {missing} more {'is' if missing == 1 else 'are'} out of reach" if missing else ""
         if not lost:
-            return f"{done}."
+            return f"{done}{never}."
         handed = len(find_abandoned_segments(record))
         others = f"; the others took over {handed} of them" if handed else ""
-        return f"{done}, although {lost} {'was' if len(record.losses) == 1 else 'were'} lost{others}."
+        return f"{done}, although {lost} {'was' if len(record.losses) == 1 else 'were'} lost{others}{never}."
     reason = f" after {lost} {'was' if len(record.losses) == 1 else 'were'} lost" if lost else ""
     were = "was" if missing == 1 else "were"
     flown = _format_duration(record.duration_s)

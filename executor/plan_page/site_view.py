@@ -6,6 +6,7 @@ All places are latitude and longitude. This runs in a worker: a network of thous
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -69,7 +70,7 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
             found = [describe_error(error, values)]
     problems = [*problems, *found]
     if understood is None:
-        return SiteView(problems), ground
+        return SiteView(_name_files(problems, folder)), ground
     network = json_text(_describe_network(understood, ground), (",", ":")).encode()
     frame = understood.network.frame if ground is None else ground.network.frame
     has_depot = understood.has_depot or ground is not None
@@ -82,7 +83,13 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
             problems.append(describe_error(error, values))
     digest = sha256(network).hexdigest()[:16]
     network = b'{"digest":"' + digest.encode() + b'",' + network[1:]
+    problems = _name_files(problems, folder)
     return SiteView(problems, network, digest, len(understood.network.segments), around, background), ground
+
+
+def _name_files(problems: Sequence[SiteProblem], folder: Path) -> list[SiteProblem]:
+    """Return problems with the names of files as the site file has them."""
+    return [SiteProblem(path=one["path"], message=one["message"].replace(f"{folder}{os.sep}", "")) for one in problems]
 
 
 _backgrounds: dict[bytes, Mapping[str, bytes]] = {}

@@ -369,7 +369,7 @@ def _place_network(
             raise _build_nothing_near_error(drawing, frame, radius_m)
     has_depot, lacks = frame is not None, ""
     if frame is None:
-        wanted = "depot: expected a Point with property role 'depot', or a depot in the site file"
+        wanted = "depot: expected where the vehicles stand: [depot] in the site file, or a point with role = depot"
         lacks = OFFSETS if drawing.format == GRAPH else wanted
     elif not alt_known and any(pylon.elevation_m is not None for pylon in built.pylons):
         lacks = (

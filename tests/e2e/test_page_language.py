@@ -56,6 +56,14 @@ async def test_every_line_of_the_catalogue_is_recognised_with_its_values() -> No
             "re-plan 2: 5 segments (uav2: link lost for 12.3 s, time-out 8 s); planning for a and b",
             "Umplanung 2: 5 Spannfelder (uav2: Verbindung seit 12,3 s verloren, Frist 8 s); geplant wird für a und b",
         ),
+        (
+            "re-plan window 100 %: from 0 s the fleet can absorb the loss of any one vehicle",
+            "Umplan-Fenster 100 %: ab 0 s kann die Flotte den Ausfall eines beliebigen Geräts auffangen",
+        ),
+        (
+            "uav1: ready, quadrotor, ArduPilot 4.6.1, battery 98 %",
+            "uav1: bereit, Quadrokopter, ArduPilot 4.6.1, Akku 98 %",
+        ),
         ("uav1 says: PreArm: no position", "uav1 sagt: PreArm: no position"),
         ("expected less than or equal to 15, got 20", "erwartet: höchstens 15, ist: 20"),
         ("what nobody knows: it stays, of course", "what nobody knows: it stays, of course"),

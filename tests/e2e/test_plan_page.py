@@ -66,6 +66,19 @@ async def test_what_is_typed_is_saved_and_what_is_wrong_is_said_at_its_field(tmp
         await in_file(page, site, "budget_pct = 62.5")
 
 
+async def test_what_a_button_mends_is_shown_without_the_other_fields(tmp_path: Path) -> None:
+    kml = write_kml(tmp_path / "line.kml")
+    site = tmp_path / "site.toml"
+    with site.open("w", encoding="utf-8") as file:
+        file.write(f'[network]\nfile = "{kml.name}"\n[depot]\nlat_deg = 49.6\nlon_deg = 15.6\nalt_m = 460\n')
+        file.write('[[vehicle]]\nname = "uav1"\nsysid = 1\nconnection = "udpin://0.0.0.0:14551"\nautopilot = "ardupilot"\n')
+    async with planning(tmp_path, site) as (page, _):
+        step = page.locator("#step-network")
+        await expect(step.locator("button.wrong")).to_contain_text("line.kml: heights")
+        await expect(step.get_by_role("button", name="The ground is level there")).to_be_in_viewport()
+        await expect(step.locator('[data-path="network.file"]')).to_be_hidden()
+
+
 async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_key(tmp_path: Path) -> None:
     site = make_demo_site(tmp_path)
     async with planning(tmp_path, site) as (page, _):

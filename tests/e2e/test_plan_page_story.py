@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import shutil
@@ -11,12 +12,13 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Page, expect
+from playwright.async_api import Page, Route, expect
 
 from missions import PlanFile, check_plan, read_any_plan
 from tests.e2e.flights import called, said_in
 from tests.e2e.gallery import browsing
 from tests.e2e.plan_pages import PATIENCE_MS, Hand, planning, write_kml
+from tests.executor.flights import write_run
 from tests.executor.plan_page.opened import Opened, make_demo_site
 from tests.ports import free_port, free_ports
 
@@ -94,6 +96,8 @@ async def test_a_crew_comes_from_a_file_to_a_plan_in_few_clicks(tmp_path: Path, 
         await hand.click(first)
         await hand.give("span.lock", "uav2")
         await expect(page.locator("#step-spans .spans .state-word").first).to_have_text("locked: uav2")
+        await expect(page.locator("#selected b")).to_contain_text("· locked: uav2")
+        await expect(page.locator("#step-spans .status")).to_contain_text("all, 1 locked")
 
         await hand.click("#start")
         await expect(page.locator("#times")).to_be_visible()
@@ -191,6 +195,23 @@ async def test_a_search_is_cancelled_and_the_plan_before_is_kept(tmp_path: Path)
         await expect(page.locator("#fly")).to_be_disabled()
 
 
+async def test_why_what_is_left_cannot_be_planned_stays_in_sight(tmp_path: Path) -> None:
+    run = tmp_path / "runs" / "elsewhere"
+    run.mkdir(parents=True)
+    report = write_run(run, finished=False)
+    report.model_copy(update={"uncovered_names": ("P1-P2",)}).write(run / "report.json")
+    async with planning(tmp_path, make_demo_site(tmp_path), size=(1024, 500)) as (page, _):
+        hand = Hand(page)
+        failed = page.locator("#plans .failed")
+        await expect(failed).to_be_hidden()
+        await hand.click(page.get_by_role("button", name="Plan the 1 that is left"))
+        await expect(failed).to_contain_text("plan-000.json")
+        await expect(failed).to_be_in_viewport(ratio=1)
+        await hand.open("inspection")
+        await hand.type('[data-path="inspection.height_m"] input', "17")
+        await expect(failed).to_be_hidden()
+
+
 async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_slider(tmp_path: Path) -> None:
     async with planning(tmp_path, make_demo_site(tmp_path)) as (page, server):
         hand = Hand(page)
@@ -234,6 +255,32 @@ async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(
                 finally:
                     for flight in list_flights(tmp_path):
                         os.kill(flight, signal.SIGINT)
+
+
+async def test_a_flight_that_is_being_started_is_seen_to_be_and_is_not_started_twice(tmp_path: Path) -> None:
+    refused, asked = asyncio.Event(), list[str]()
+
+    async def refuse(route: Route) -> None:
+        asked.append(route.request.url)
+        await refused.wait()
+        await route.fulfill(
+            status=422, json={"error": "the flight has not begun: udp port 14551 is taken", "path": None}
+        )
+
+    async with planned(tmp_path) as (page, hand, _):
+        await expect(page.locator("#plans")).to_contain_text("faultline simulate site.toml")
+        await page.route("**/api/fly", refuse)
+        await hand.click("#fly")
+        await hand.click("#yes")
+        notice = page.locator(".flying .notice")
+        await expect(notice).to_have_text("The flight's page is started …")
+        await expect(notice).to_be_in_viewport(ratio=1)
+        await expect(page.locator("#fly")).to_be_disabled()
+        await expect(page.locator("#checklist")).to_be_disabled()
+        refused.set()
+        await expect(notice).to_contain_text("udp port 14551 is taken")
+        await expect(page.locator("#fly")).to_be_enabled()
+        assert len(asked) == 1
 
 
 async def test_a_flight_that_does_not_begin_says_why(tmp_path: Path) -> None:

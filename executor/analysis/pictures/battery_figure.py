@@ -307,7 +307,7 @@ def spread_heights(heights: Sequence[float], least: float) -> list[float]:
 
 
 def _build_legend(record: FlightRecord) -> list[Artist]:
-    handles: list[Artist] = [Line2D([], [], color=INK, lw=2.2, label="first plan")]
+    handles: list[Artist] = [Line2D([], [], color=INK, lw=2.2, label=record.first_words)]
     if len(record.revisions) > 1:
         handles.append(Line2D([], [], color=INK, lw=2.2, ls=style_of(0).dashes, label="re-plan"))
     handles.append(Line2D([], [], color=INK, lw=0.9, marker="o", ms=6.0, mec=PAPER, label="measured"))

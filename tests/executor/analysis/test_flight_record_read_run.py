@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,9 @@ from executor.core.interface.commands import Level
 from executor.core.state.inspection_proof import PositionSample, Track
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
+from missions import write_plan
 from tests.executor.flights import write_run
+from tests.executor.site.two_bases import between_bases
 
 
 def test_who_inspected_what_and_when(tmp_path: Path) -> None:
@@ -209,3 +212,32 @@ def test_a_position_that_was_overtaken_changes_nothing() -> None:
     samples = [(float(second), PositionSample(float(second), (5.0 * second, 0.0))) for second in range(30)]
     late = [*samples[:10], (10.5, PositionSample(2.0, (10.0, 80.0))), *samples[10:]]
     assert inspection_time_s(late, line, corridor_m=10.0, speed_m_s=5.0) == 19.0
+
+
+def test_a_day_has_all_its_sorties(tmp_path: Path) -> None:
+    write_run(tmp_path)
+    assert read_run(tmp_path).sorties == ()
+    write_plan(tmp_path / "day-plan.json", between_bases()[1])
+    record = read_run(tmp_path)
+    out, back = record.sorties
+    assert [(one.vehicle, one.segments) for one in (out, back)] == [
+        ("uav1", (0, 1, 2, 3, 4, 5)), ("uav1", (11, 10, 9, 8, 7, 6))
+    ]  # fmt: skip
+    west, east = (out.way_m[0], out.way_m[-1])
+    assert (back.way_m[0], back.way_m[-1]) == (east, west)
+    assert east[0] - west[0] == pytest.approx(1300.0, abs=50.0)
+    assert [len(one.way_m) for one in (out, back)] == [14, 14]
+    assert [one.energy[0] for one in (out, back)] == [(0.0, 0.0), (1800.0, 0.0)]
+    assert record.planned_for == dict.fromkeys(range(12), "uav1")
+    assert record.first_words == "first sorties"
+
+
+def test_what_a_lost_vehicle_had_on_a_later_sortie_was_left_by_it(tmp_path: Path) -> None:
+    write_run(tmp_path)
+    record = read_run(tmp_path)
+    first = record.revisions[0].routes
+    later = replace(first[0], vehicle="uav2", segments=(3, 4))  # uav1 has inspected them
+    day = replace(record, sorties=(*first[1:], later))
+    assert [(one.id, name) for one, name in find_abandoned_segments(day)] == [
+        (segment, "uav2") for segment in (1, 2, 3, 4)
+    ]

@@ -95,6 +95,17 @@ def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
     assert "not inspected: 1." in _read(render_report_page(record, report, {})).of("p")[0]
 
 
+def test_what_is_out_of_reach_is_not_put_down_to_the_vehicle_that_was_lost(
+    flight: tuple[FlightRecord, FlightReport],
+) -> None:
+    record, _ = flight
+    barred = replace(record, never=(("P7-P8", "lies in area 'wood'"),))
+    assert describe_outcome(barred) == (
+        "All 5 segments within reach were inspected in 2 min 30 s, although uav2 was lost; the others took over 2 of "
+        "them; 1 more is out of reach."
+    )
+
+
 def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     quiet = replace(record, vehicles=tuple(replace(vehicle, fault=None) for vehicle in record.vehicles), duration_s=42)
@@ -248,6 +259,24 @@ def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightRepor
 def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
     record = FlightRecord((), (), (PlanRevision(0, 0.0, ()),), (DecisionLine(0.0, Level.INFO, f"<{text}>"),), 0.0, 0.0)
     assert f"<{text}>".split() == "".join(_read(render_report_page(record, short_report([]), {})).of("td")[2:]).split()
+
+
+def test_the_map_of_a_day_offers_the_plan_of_all_its_sorties(flight: tuple[FlightRecord, FlightReport]) -> None:
+    record, report = flight
+    assert _read(render_report_page(record, report, {})).of("option") == [
+        "not shown",
+        "first plan",
+        "re-plan 1, T+0:51",
+    ]
+    first = record.revisions[0].routes
+    later = replace(first[0], segments=(1, 2))
+    day = replace(record, sorties=(*first, later))
+    reader = _read(render_report_page(day, report, {}))
+    assert reader.of("option") == ["not shown", "plan of the day", "re-plan 1, T+0:51"]
+    plan = json.loads(reader.of("script")[0])["plans"][0]
+    assert [one["vehicle"] for one in plan["routes"]] == ["uav1", "uav2", "uav1"]
+    cells = reader.of("td")
+    assert any(cells[at : at + 4] == ["1", "100.0", "uav1", "uav3"] for at in range(len(cells)))
 
 
 def test_sorties_stand_with_their_packs_where_there_are_several(flight: tuple[FlightRecord, FlightReport]) -> None:

@@ -198,6 +198,7 @@ def test_a_network_that_is_dropped_begins_a_site_and_scripts_in_its_names_stay_t
         workspace = one.checked()
         [problem] = workspace["problems"]
         assert problem["path"] == ["depot"]
+        assert problem["message"].startswith("line.kml: depot: expected where the vehicles stand")
         assert workspace["network"]["segments"] == 2
         network = one.client.get("/api/network")
         assert network.headers["content-type"] == "application/json"

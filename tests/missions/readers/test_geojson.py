@@ -124,7 +124,7 @@ def test_the_callers_depot_wins_over_the_files(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("features", "reason"),
     [
-        ([*PYLONS, step("A", "B")], r"depot: expected a Point with property role 'depot'"),
+        ([*PYLONS, step("A", "B")], r"depot: expected where the vehicles stand: .* or a point with role = depot"),
         ([depot_point(), *PYLONS], r"segments: expected at least one, found none"),
         ([depot_point(), step("A", "B")], r"features\[1\]\.properties\.a: expected the id of a pylon, got unknown 'A'"),
         ([depot_point(), *PYLONS, step("A", "Z")], r"features\[4\]\.properties\.b: .* got unknown 'Z'"),

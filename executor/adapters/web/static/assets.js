@@ -96,7 +96,9 @@ export class Assets {
   count(state) {
     const seen = state.inspected.filter((segment) => this.asked.has(segment)).length;
     const missed = state.missed.length;
-    write(byId("tally"), say(this.pictures ? "{seen} of {total} seen" : "{seen} of {total} inspected", { seen, total: this.asked.size }));
+    write(byId("tally"), say(this.pictures ? "{seen} of {total} seen" : "{seen} of {total} inspected", {
+      seen, total: this.pictures ? this.asked.size : state.segments_total,
+    }));
     write(byId("tally-missed"), missed ? say("{missed} missed", { missed }) : "");
   }
 

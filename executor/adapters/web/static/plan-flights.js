@@ -9,6 +9,8 @@ import { translate } from "./translation.js";
 /** @import { Store } from "./plan-store.js" */
 
 const ORDER = ["stop", "warning", "ok"];
+/** @type {Record<string, string>} */
+const MARKS = { stop: "fly.stop", warning: "fly.warning", ok: "fly.ok" };
 
 export class Flights {
   /**
@@ -30,16 +32,19 @@ export class Flights {
     this.notice.setAttribute("role", "status");
     this.runs = element("ul", "", "runs");
     const box = element("div", "", "flying");
-    box.append(element("h3", say("flying")), element("p", say("fly.how"), "soft"), actions, this.notice, this.runs);
+    this.rehearsal = element("p", "", "soft");
+    box.append(element("h3", say("flying")), element("p", say("fly.how"), "soft"), actions, this.notice, this.rehearsal, this.runs);
     place.append(box);
     this.shown = "";
+    this.isBusy = false;
     store.on(["plan", "draft", "workspace", "job"], () => this.show());
   }
 
   show() {
     const { plan, draft, workspace } = this.store;
     const isStale = workspace?.plans.find((one) => one.id === workspace.chosen)?.stale ?? false;
-    this.fly.disabled = this.dry.disabled = !plan || draft !== null || isStale;
+    this.fly.disabled = this.dry.disabled = this.isBusy || !plan || draft !== null || isStale;
+    write(this.rehearsal, workspace?.site ? say("fly.rehearse", { command: `faultline simulate ${workspace.site.path}` }) : "");
     this.fly.title = isStale ? say("plan.stale") : "";
     const key = `${workspace?.site?.path} ${this.store.job?.state}`;
     if (key === this.shown || !workspace?.site) return;
@@ -52,18 +57,32 @@ export class Flights {
     this.notice.hidden = !text;
     this.notice.className = `notice ${name}`;
     write(this.notice, text);
+    this.notice.scrollIntoView({ block: "nearest" });
+  }
+
+  /**
+   * Asks for something that takes its time: meanwhile nothing else is begun, which would want the same vehicles.
+   * @template Answer
+   * @param {string} words
+   * @param {() => Promise<Answer>} question
+   */
+  async wait(words, question) {
+    this.isBusy = true;
+    this.show();
+    this.tell(words, "is-waiting");
+    const answer = await this.store.ask(question);
+    this.isBusy = false;
+    this.show();
+    if (!answer) this.tell(this.store.refusal, "is-bad");
+    return answer;
   }
 
   begin() {
     const { plan } = this.store;
     if (!plan) return;
     this.ask(say("fly.ask"), say("fly.meaning"), say("fly"), async () => {
-      this.tell(say("fly.begins"));
-      const answer = await this.store.ask(() => server.fly(plan.summary.id));
-      if (!answer) {
-        this.tell(this.store.refusal, "is-bad");
-        return;
-      }
+      const answer = await this.wait(say("fly.begins"), () => server.fly(plan.summary.id));
+      if (!answer) return;
       this.tell(`${say("fly.begun")} `, "is-good");
       const link = element("a", say("fly.page"));
       link.href = answer.url;
@@ -75,12 +94,8 @@ export class Flights {
   async check() {
     const { plan } = this.store;
     if (!plan) return;
-    this.dry.disabled = true;
-    this.tell(say("fly.checks"));
-    const answer = await this.store.ask(() => server.check(plan.summary.id));
-    this.dry.disabled = false;
+    const answer = await this.wait(say("fly.checks"), () => server.check(plan.summary.id));
     if (answer) this.showChecks(answer);
-    else this.tell(this.store.refusal, "is-bad");
   }
 
   /** @param {Checklist} found */
@@ -90,10 +105,11 @@ export class Flights {
     const list = element("ul", "", "checks");
     for (const one of [...checks].sort((a, b) => ORDER.indexOf(a.severity) - ORDER.indexOf(b.severity))) {
       const row = element("li", "", one.severity);
-      row.append(element("b", one.severity === "stop" ? "STOP" : one.severity === "warning" ? "warn" : "ok"), ` ${translate(one.subject)}: ${translate(one.text)}`);
+      row.append(element("b", say(MARKS[one.severity])), ` ${translate(one.subject)}: ${translate(one.text)}`);
       list.append(row);
     }
     this.notice.replaceChildren(element("b", say(ready ? "fly.ready" : "fly.not-ready")), list);
+    this.notice.scrollIntoView({ block: "nearest" });
   }
 
   async showRuns() {

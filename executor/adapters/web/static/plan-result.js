@@ -68,6 +68,9 @@ export class Result {
     this.progress = element("p");
     this.busy.append(this.bar, this.progress, button(say("cancel"), () => this.cancel(), "cancel"));
     this.busy.hidden = true;
+    this.failed = element("p", "", "notice is-bad failed");
+    this.failed.hidden = true;
+    this.shownJob = "";
     this.stale = element("p", say("plan.stale"), "notice");
     this.choices = element("div", "", "choices");
     this.notice = element("div", "", "notice answer");
@@ -78,7 +81,7 @@ export class Result {
     options.append(this.seconds.label, this.cost.label, this.front.label, this.day.label);
     const head = element("div", "", "start");
     head.append(this.start, options);
-    place.append(head, this.busy, this.stale, this.choices, this.notice, this.routes, this.lines);
+    place.append(head, this.busy, this.failed, this.stale, this.choices, this.notice, this.routes, this.lines);
     this.shownChoices = "";
     /** @type {string | null} */
     this.opened = null;
@@ -116,6 +119,7 @@ export class Result {
     this.start.disabled = isRunning || !workspace?.network || workspace.problems.length > 0;
     this.start.title = workspace?.problems.length ? say("plan.wrong-first") : "";
     this.busy.hidden = !isRunning;
+    this.showFailure();
     const hasDay = this.store.values.day !== undefined;
     if (hasDay && this.day.label.hidden) this.day.made.checked = true;
     this.day.label.hidden = !hasDay;
@@ -127,6 +131,19 @@ export class Result {
     if (job.better_pct !== null) parts.push(say("job.better", { better: figure(job.better_pct, 1) }));
     if (job.since_s !== null) parts.push(say("job.since", { since: figure(job.since_s) }));
     write(this.progress, parts.join(" · "));
+  }
+
+  /** Says why there is no plan until something else is asked for, or changed; who pressed a button further down sees it. */
+  showFailure() {
+    const { job, workspace } = this.store;
+    const key = `${job?.id} ${job?.state}`;
+    const isNew = key !== this.shownJob;
+    if (isNew) this.revision = workspace?.revision;
+    this.shownJob = key;
+    const isSaid = job?.state === "failed" && this.revision === workspace?.revision;
+    write(this.failed, isSaid ? job.error ?? say("job.failed") : "");
+    this.failed.hidden = !isSaid;
+    if (isNew && (isSaid || job?.state === "running")) (isSaid ? this.failed : this.busy).scrollIntoView({ block: "nearest" });
   }
 
   /** @param {PlanSummary} one */

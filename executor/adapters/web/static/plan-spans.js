@@ -165,6 +165,16 @@ export class SpanActions {
     const locks = /** @type {Json[]} */ (this.store.values.lock ?? []);
     return locks.find((one) => one.segments?.some((/** @type {string} */ entry) => isMeant(name, entry))) ?? null;
   }
+
+  /**
+   * Whose a segment stays, or from whose base it is flown; empty if it is not locked.
+   * @param {string} name
+   * @returns {string}
+   */
+  keeperOf(name) {
+    const lock = this.lockOf(name);
+    return lock?.vehicle ?? lock?.from ?? "";
+  }
 }
 
 /**
@@ -232,7 +242,7 @@ export function spansStep(store, actions, map) {
 
   /** @param {Segment} one @param {Map<number, string>} flown */
   function row(one, flown) {
-    const lock = actions.lockOf(one.name);
+    const keeper = actions.keeperOf(one.name);
     const item = element("li", "", one.left_out ? "is-out" : one.unreachable ? "is-over" : "");
     const label = element("label");
     const box = element("input");
@@ -240,7 +250,7 @@ export function spansStep(store, actions, map) {
     box.value = String(one.id);
     box.checked = store.selection.has(one.id);
     const state = one.left_out ? say("span.left-out") : one.unreachable ? say("span.unreachable")
-      : lock ? say("span.locked", { vehicle: lock.vehicle ?? lock.from ?? "" }) : flown.get(one.id) ?? "";
+      : keeper ? say("span.locked", { vehicle: keeper }) : flown.get(one.id) ?? "";
     label.append(box, element("span", one.name, "name"), element("span", state, "state-word"), element("span", `${figure(one.length_m)} m`, "length"));
     if (one.unreachable) item.title = one.unreachable;
     item.append(label);
@@ -267,7 +277,9 @@ export function spansStep(store, actions, map) {
     status: () => {
       const all = store.network?.segments ?? [];
       const out = all.filter((one) => one.left_out).length;
-      return out ? say("spans.status", { taken: all.length - out, all: all.length }) : all.length ? say("spans.all") : "";
+      const locked = all.filter((one) => actions.keeperOf(one.name)).length;
+      const taken = out ? say("spans.status", { taken: all.length - out, all: all.length }) : all.length ? say("spans.all") : "";
+      return locked ? `${taken}, ${say("spans.locked", { count: locked })}` : taken;
     },
     build: (place) => {
       const line = element("div", "", "search");
@@ -317,7 +329,8 @@ export class SelectionBar {
     const chosen = this.actions.chosen;
     this.place.hidden = !chosen.length;
     if (!chosen.length) return;
-    write(this.what, this.by.describe());
+    const keepers = new Set(chosen.map((one) => this.actions.keeperOf(one.name)).filter(Boolean));
+    write(this.what, [this.by.describe(), ...[...keepers].map((vehicle) => say("span.locked", { vehicle }))].join(" · "));
     const names = this.store.names;
     const key = JSON.stringify([names, chosen.some((one) => one.left_out), chosen.some((one) => !one.left_out),
       chosen.some((one) => this.actions.lockOf(one.name)), this.store.mayChange]);

@@ -81,7 +81,7 @@ export class Steps {
       const item = element("li");
       const remedies = element("div", "", "actions");
       remedies.append(...this.remedies.filter((remedy) => remedy.fits(one)).map((remedy) => remedy.make()));
-      item.append(button(this.describe(one), () => this.goTo(one.path), "wrong"), remedies);
+      item.append(button(this.describe(one), () => this.goToProblem(one), "wrong"), remedies);
       return item;
     }));
   }
@@ -125,6 +125,16 @@ export class Steps {
     found.box.open = true;
     found.step.show();
     found.box.scrollIntoView({ block: "start" });
+  }
+
+  /**
+   * Opens what is wrong where it is mended: by a button in its step, if it has one, else in its field.
+   * @param {Problem} problem
+   */
+  goToProblem(problem) {
+    const step = this.find(problem.path)?.step;
+    if (step && this.remedies.some((one) => one.fits(problem))) this.open(step.name);
+    else this.goTo(problem.path);
   }
 
   /**

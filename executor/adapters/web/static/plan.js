@@ -53,7 +53,7 @@ function start(schema) {
     // What stops a plan is looked at first, once it is known.
     if (!workspace?.site || workspace.site.path === opened || workspace.checked !== workspace.revision) return;
     opened = workspace.site.path;
-    if (workspace.problems.length) steps.goTo(workspace.problems[0].path);
+    if (store.problems.length) steps.goToProblem(store.problems[0]);
     else steps.open(workspace.plans.length ? "spans" : "network");
   });
   listenToButtons(store, steps);
@@ -115,7 +115,7 @@ function listenToButtons(store, steps) {
     const one = problems[next % problems.length];
     next += 1;
     show("prepare");
-    if (one.path.length) steps.goTo(one.path);
+    if (one.path.length) steps.goToProblem(one);
     tell(one.message, "failed");
   });
   byId("keys").addEventListener("click", () => byId("help", HTMLDialogElement).showModal());
