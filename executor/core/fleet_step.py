@@ -41,6 +41,7 @@ from executor.core.state.fleet_state import (
     OperatorLine,
     Question,
     Stepped,
+    step_each,
 )
 from executor.core.state.gps_loss import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
@@ -123,8 +124,11 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
             return turnaround.apply_examination(context, state, event, now_s)
         case events.MissionsWanted():
             return replan_cycle.apply_missions_wanted(context, state, event, now_s)
-        case events.LossJudged():
-            return _record_loss_judgement(state, event, now_s), ()
+        case events.LossJudged(vehicle, revision, uncovered):
+            if revision != state.replanning.revision:
+                return state, ()
+            outlook = {**state.replanning.outlook, vehicle: LossOutlook(now_s, uncovered)}
+            return state.with_replanning(outlook=MappingProxyType(outlook)), ()
         case events.IntentReceived(intent):
             return intent_handling.apply_intent(context, state, intent, now_s)
         case events.OrderEnded() | events.ReturnEnded():
@@ -133,35 +137,26 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
             return intent_handling.recall_fleet(context, state, now_s)
         case events.Reopened():
             return reconciliation.apply_reopening(state, event, now_s)
-        case events.Resumed() | events.MissionRead():
-            return _apply_mission_findings(context, state, event, now_s)
+        case events.MissionRead(found):
+            return launch.apply_mission_read(state, found, now_s)
+        case events.Resumed():
+            return _resume_fleet(context, state, event, now_s)
         case events.Asked(question, text, lines):
             asked = Question(question, text, lines)
             return state.with_crew(briefing=replace(state.crew.briefing, question=asked, answered="")), ()
 
 
-def _apply_mission_findings(
-    context: Context, state: FleetState, event: events.Resumed | events.MissionRead, now_s: float
-) -> Stepped:
-    if isinstance(event, events.MissionRead):
-        return launch.apply_mission_read(state, event.found, now_s)
-    taken = reconciliation.resume_fleet(context, state, event, now_s)
-    state, commands = taken.state, list(taken.commands)
-    for ended in taken.ended:
-        state, more = _dispatch_event(context, state, ended, now_s)
-        commands.extend(more)
-    for name, why in taken.strange:
+def _resume_fleet(context: Context, state: FleetState, event: events.Resumed, now_s: float) -> Stepped:
+
+    def declare_strange(state: FleetState, strange: tuple[str, str]) -> Stepped:
+        name, why = strange
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_FOREIGN)
-        state, more = declare_fault(context, state, state.vehicles[name], fault)
-        commands.extend(more)
-    return state, tuple(commands)
+        return declare_fault(context, state, state.vehicles[name], fault)
 
-
-def _record_loss_judgement(state: FleetState, event: events.LossJudged, now_s: float) -> FleetState:
-    if event.revision != state.replanning.revision:
-        return state
-    outlook = {**state.replanning.outlook, event.vehicle: LossOutlook(now_s, event.uncovered)}
-    return state.with_replanning(outlook=MappingProxyType(outlook))
+    taken = reconciliation.resume_fleet(context, state, event, now_s)
+    state, ended = step_each(taken.state, taken.ended, lambda state, one: _dispatch_event(context, state, one, now_s))
+    state, declared = step_each(state, taken.strange, declare_strange)
+    return state, (*taken.commands, *ended, *declared)
 
 
 def _apply_message(context: Context, state: FleetState, event: events.Heard, now_s: float) -> Stepped:
@@ -268,11 +263,7 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
 
 
 def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> Stepped:
-    commands: list[Command] = []
-    for name in state.vehicles:
-        state, more = _check_vehicle(context, state, name, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    return step_each(state, state.vehicles, lambda state, name: _check_vehicle(context, state, name, now_s))
 
 
 def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
@@ -333,9 +324,9 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
         return _return_after_absence(context, state, vehicle, now_s)
     if vehicle.fault is not None:
         # The first reason stands. A later one only changes where the vehicle is taken to be, and hides nothing.
-        raised = [
-            (point, why) for point, why in raised if point.kind is FaultKind.LINK or _is_down_off_pad(context, vehicle)
-        ]
+        stopped = vehicle.sortie.armed_once and not vehicle.armed and not vehicle.orders.lands
+        is_down = stopped and not vehicle_position.is_over_pad(context, vehicle)
+        raised = [(point, why) for point, why in raised if is_down or point.kind is FaultKind.LINK]
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
@@ -345,7 +336,7 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
         return withdrawal.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
         return launch.monitor_start(context, state, vehicle, now_s)
-    if touchdown.has_landed(vehicle):
+    if vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}:
         return _apply_landing(context, state, vehicle, now_s)
     return homing.issue_homing_order(context, state, name, now_s)
 
@@ -437,12 +428,6 @@ def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fau
     place_told = vehicle.sortie.place_told and stage is Stage.LOST
     vehicle = change_stage(vehicle.with_orders(errand=None), stage).with_sortie(place_told=place_told)
     return state.put(vehicle), (line.say(vehicle=vehicle.name, reason=fault.reason, position=position),)
-
-
-def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
-    down = vehicle.sortie.armed_once and not vehicle.armed
-    return down and not vehicle.orders.lands and not vehicle_position.is_over_pad(context, vehicle)
 
 
 def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -558,8 +543,4 @@ PHASES: tuple[TickPhase, ...] = (
 
 def _apply_tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
     state = state.with_listening(late_s=late_s)
-    commands: list[Command] = []
-    for phase in PHASES:
-        state, more = phase.act(context, state, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    return step_each(state, PHASES, lambda state, phase: phase.act(context, state, now_s))

@@ -17,6 +17,7 @@ from executor.core.ground import pack_count, turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
 from executor.core.inflight import channel_watch
+from executor.core.inflight.custody.mode_causes import is_holding
 from executor.core.interface.codes import ChannelCode, Check
 from executor.core.interface.messages import Wind
 from executor.core.interface.ports import LinkView
@@ -25,7 +26,6 @@ from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs, radio_channel
 from executor.core.state.bases import is_at_closed_base, landing_base_of, place_vehicles
 from executor.core.state.fleet_state import FleetState, OperatorLine, Question
-from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_position import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
@@ -360,6 +360,7 @@ def _build_vehicle_view(
     outlook = state.replanning.outlook.get(vehicle.name)
     known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
     lost = vehicle.link.quality.lost
+    board = vehicle.assignment.board if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is None else None
     return VehicleView(
         name=vehicle.name,
         sysid=setup.sysid,
@@ -382,7 +383,7 @@ def _build_vehicle_view(
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1), _list_uncovered(state))
         if known and outlook is not None
         else None,
-        lands_in_s=_time_to_landing_s(vehicle),
+        lands_in_s=None if board is None else round(legs.time_to_reach_s(vehicle, len(board.legs) - 1), 0),
         gps_fix=None if vehicle.sensors.gps is None else vehicle.sensors.gps.fix,
         satellites=None if vehicle.sensors.gps is None else vehicle.sensors.gps.satellites,
         voltage_v=vehicle.power.volts.voltage_v,
@@ -410,12 +411,6 @@ def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState,
     return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed, packs)
 
 
-def _time_to_landing_s(vehicle: VehicleState) -> float | None:
-    if vehicle.assignment.board is None or vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is not None:
-        return None
-    return round(legs.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1), 0)
-
-
 def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
     hold = vehicle.custody.taken
     if hold is None:
@@ -426,8 +421,7 @@ def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> 
 
 def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
     """Return what a vehicle does, in one word; it holds once it says so itself."""
-    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and vehicle.mode == hold:
+    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and is_holding(context, vehicle):
         return "holding"
     if vehicle.stage is Stage.RETURNING and vehicle.orders.lands:
         return "landing"
@@ -509,11 +503,7 @@ def _build_progress_view(context: Context, vehicle: VehicleState) -> ProgressVie
     if leg is None or leg.visit is None:
         return ProgressView(done, total, phase=None if leg is None else leg.phase.value)
     track = board.tracks[leg.visit]
-    share = _segment_share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0
+    share, fix = 0.0, vehicle.motion.fix
+    if leg.phase is Phase.INSPECT and fix is not None and track.length_m > 0.0:
+        share = round(min(1.0, max(0.0, track.locate(fix.place_m)[0] / track.length_m)), 3)
     return ProgressView(done, total, track.segment, context.segment_name(track.segment), leg.phase.value, share)
-
-
-def _segment_share(track: Track, vehicle: VehicleState) -> float:
-    if vehicle.motion.fix is None or track.length_m <= 0.0:
-        return 0.0
-    return round(min(1.0, max(0.0, track.locate(vehicle.motion.fix.place_m)[0] / track.length_m)), 3)

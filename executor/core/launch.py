@@ -25,7 +25,7 @@ from executor.core.replanning import survivors
 from executor.core.replanning.replan_cycle import end_replan_if_done, format_segments, has_left_mission
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state import legs
-from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
+from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped, step_each
 from executor.core.state.mission_ownership import SURE_S, MissionOwnership, apply_mission_readback
 from executor.core.state.vehicle_parts import DeclinedMission, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position, is_kill_switch_text
@@ -184,25 +184,23 @@ def _is_clearance_fresh(state: FleetState, vehicle: VehicleState, now_s: float) 
 
 def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Try starts again that wait for a position: who is silent for a while may have rebooted, with another pack."""
-    commands: list[Command] = []
-    for vehicle in tuple(state.vehicles.values()):
+
+    def retry(state: FleetState, vehicle: VehicleState) -> Stepped:
         owed_s = vehicle.orders.start_owed_s
         if owed_s is None:
-            continue
+            return state, ()
         why, fix = _describe_reboot(vehicle), vehicle.motion.fix
         if not why and now_s - owed_s > PLACELESS_S:
             why = takeoff.PLACELESS.format(placeless_s=PLACELESS_S)
         starts = vehicle.stage is Stage.STARTING
         if starts and not why and (fix is None or fix.at_s <= owed_s):
-            continue
+            return state, ()
         paid = vehicle.with_orders(start_owed_s=None, ordered_mode_s=now_s)
-        state = state.put(paid)
         if starts and why:
-            state, more = declare_fault(context, state, paid, _build_start_fault(why, now_s))
-            commands.extend(more)
-        elif starts:
-            commands.append(Start(vehicle.name))
-    return state, tuple(commands)
+            return declare_fault(context, state.put(paid), paid, _build_start_fault(why, now_s))
+        return state.put(paid), (Start(vehicle.name),) if starts else ()
+
+    return step_each(state, tuple(state.vehicles.values()), retry)
 
 
 def _describe_reboot(vehicle: VehicleState) -> str:

@@ -46,8 +46,6 @@ from executor.supervised import report_internal_error
 from missions.files import write_whole
 from planner import Plan, Route, segment_of
 
-FORMAT: Literal["faultline-checkpoint/2"] = "faultline-checkpoint/2"
-
 Planned = tuple[Solve, SolveEnded]
 """A planning problem and its answer."""
 
@@ -97,7 +95,7 @@ class _Part(BaseModel):
 
 
 class _Head(_Part):
-    format: Literal["faultline-checkpoint/2"]
+    format: Literal["faultline-checkpoint/2"] = "faultline-checkpoint/2"
     program: str
     """Program version that wrote it; another version may hold another state or decide differently."""
     plan: str
@@ -145,7 +143,6 @@ def encode_checkpoint(checkpoint: Checkpoint, plan: bytes) -> bytes:
     """
     body = encode_body(checkpoint.state, checkpoint.legacy)
     head = _Head(
-        format=FORMAT,
         program=describe_program(),
         plan=_compute_digest(plan),
         place=checkpoint.place,

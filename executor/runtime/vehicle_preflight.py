@@ -350,11 +350,6 @@ async def load_mission(
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
 
 
-async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
-    """Read what a vehicle carries beside its mission."""
-    return {kind: await procedures.read_list(link, clock, kind) for kind in parameter_changes.LIST_WORDS}
-
-
 async def upload_list(
     link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
 ) -> ProcedureResult:
@@ -550,7 +545,7 @@ async def _query_vehicle(
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
                 for _ in range(1 if patience_s is not None else READ_TRIES):
-                    answer.items = await procedures.read_mission(link, clock)
+                    answer.items = await procedures.read_list(link, clock)
                     if answer.items is not None:
                         break
     with suppress(TimeoutError):

@@ -16,7 +16,7 @@ from executor.core.lines import sorties
 from executor.core.replanning import replan_cycle
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
 from executor.core.state.bases import base_of, landing_base_of
-from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.fleet_state import FleetState, Stepped, step_each
 from executor.core.state.vehicle_position import is_kill_switch_text
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 
@@ -33,26 +33,26 @@ def list_bases(context: Context) -> tuple[str, ...]:
 
 def find_vehicles_at_base(context: Context, state: FleetState, base: str) -> tuple[VehicleState, ...]:
     """Return the vehicles that stand at a base, or land there."""
-
-    def is_at_base(vehicle: VehicleState) -> bool:
-        lands = landing_base_of(context, vehicle) == base
-        return lands or (vehicle.stage in _STANDS and base_of(context, vehicle) == base)
-
-    return tuple(vehicle for vehicle in state.vehicles.values() if is_at_base(vehicle))
+    return tuple(
+        one
+        for one in state.vehicles.values()
+        if landing_base_of(context, one) == base or (one.stage in _STANDS and base_of(context, one) == base)
+    )
 
 
 def close_base(context: Context, state: FleetState, base: str, now_s: float) -> Stepped:
     """Return the state in which nobody takes off from a base, and what keeps those there that were about to."""
-    commands: list[Command] = []
-    state = state.with_crew(closed_bases=state.crew.closed_bases | {base})
-    for vehicle in find_vehicles_at_base(context, state, base):
-        shut = vehicle.with_orders(cleared_s=None)
-        state, more = _keep_on_ground(context, state.put(shut), shut, sorties.BASE_IS_CLOSED.format(base=base), now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    state, why = (
+        state.with_crew(closed_bases=state.crew.closed_bases | {base}),
+        sorties.BASE_IS_CLOSED.format(base=base),
+    )
+    vehicles = find_vehicles_at_base(context, state, base)
+    return step_each(state, vehicles, lambda state, vehicle: _keep_on_ground(context, state, vehicle, why, now_s))
 
 
 def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
+    vehicle = vehicle.with_orders(cleared_s=None)
+    state = state.put(vehicle)
     if vehicle.stage is Stage.STARTING and vehicle.armed and not vehicle.sortie.took_off:
         fault = Fault(FaultKind.OPERATOR, sorties.CLOSED_IN_START, now_s, FaultCode.OPERATOR_EXCLUDE)
         return declare_fault(context, state, vehicle, fault)

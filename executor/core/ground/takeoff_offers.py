@@ -168,14 +168,10 @@ def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     left, state = find_open_segments(context, state), state.with_crew(offer=None, offers_over=True)
     if offer.again:
-        line = sorties.EXPIRED.with_level(Level.INFO)
-        return state, (line.say(offer_s=context.offer_s, left=_describe_distant_segments(offer)),)
+        line, was = sorties.EXPIRED.with_level(Level.INFO), "was" if len(offer.segments) == 1 else "were"
+        distant = sorties.DISTANT.format(segments=format_count(len(offer.segments), "segment"), was=was)
+        return state, (line.say(offer_s=context.offer_s, left=distant),)
     state = state.with_coverage(given_up=state.coverage.given_up | (left - state.coverage.left_over))
     is_ = "is" if len(left) == 1 else "are"
     over = sorties.LEFT_OVER.format(segments=format_count(len(left), "segment"), is_=is_)
     return state, (sorties.EXPIRED.say(offer_s=context.offer_s, left=over),)
-
-
-def _describe_distant_segments(offer: TakeoffOffer) -> str:
-    was = "was" if len(offer.segments) == 1 else "were"
-    return sorties.DISTANT.format(segments=format_count(len(offer.segments), "segment"), was=was)

@@ -16,7 +16,7 @@ from executor.core.battery import account
 from executor.core.battery.account import PercentRounding
 from executor.core.battery.pack_condition import LEAST_SPARE_PCT, PackState, RestReading
 from executor.core.battery.voltage import VoltageState
-from executor.core.context import Context
+from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count, format_duration
 from executor.core.ground import pack_count
 from executor.core.ground.out_of_service import (
@@ -34,7 +34,7 @@ from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.bases import base_of, find_planned_landing, is_at_closed_base, place_vehicles, settle_at_base
-from executor.core.state.fleet_state import FleetState, Replan, Stepped
+from executor.core.state.fleet_state import FleetState, Replan, Stepped, step_each
 from executor.core.state.vehicle_parts import CLEARED_S, PlannedSortie, PowerState
 from executor.core.state.vehicle_state import VehicleState, current_setup_of
 from missions import build_flight_path, estimate
@@ -70,13 +70,14 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         return state, (said, Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, state, vehicle, event):
         return end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
-    heard = vehicle_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
+    claimed_pct, parameters = event.remaining_pct or 0.0, dict(event.parameters)
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
-    found = vehicle_checks.assess_pack_at_rest(setup, heard)
-    held_pct = heard.remaining_pct if found is None else found.held_pct
-    vehicle = _install_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
+    found = vehicle_checks.assess_pack_at_rest(setup, claimed_pct, event.voltage_v, event.cells, parameters)
+    held_pct = claimed_pct if found is None else found.held_pct
+    vehicle = _install_pack(setup, vehicle, event, held_pct, now_s)
     state = state.put(vehicle)
-    pack = _describe_pack(vehicle, heard, found)
+    named = sorties.NAMED_PACK.format(label=vehicle.turn.label) if vehicle.turn.label else sorties.ITS_PACK
+    pack = named + (sorties.REPORTS.format(left_pct=claimed_pct) if found is None else f" {found.standing.words}")
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
         why = sorties.PACK_POOR.format(pack=pack, reserve_pct=setup.reserve_pct)
         return end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
@@ -97,17 +98,15 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
 
 def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Send out who may go, end what took too long, and open what a lost vehicle had ahead of it."""
+
+    def advance(state: FleetState, name: str) -> Stepped:
+        state, told = _release_later_sorties(context, state, state.vehicles[name])
+        state, more = _advance_turnaround(context, state, state.vehicles[name], now_s)
+        return state, (*told, *more)
+
     state, told = _release_packless_sorties(context, state, now_s)
-    commands = list[Command](told)
-    for name in state.vehicles:
-        state, more = _release_later_sorties(context, state, state.vehicles[name])
-        commands.extend(more)
-        vehicle = state.vehicles[name]
-        if vehicle.turn.asked_s is None:
-            continue
-        state, more = _advance_turnaround(context, state, vehicle, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    state, more = step_each(state, state.vehicles, advance)
+    return state, (*told, *more)
 
 
 def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
@@ -155,13 +154,10 @@ def record_sortie_start(state: FleetState, name: str, now_s: float) -> FleetStat
 
 def end_turnarounds_after_absence(state: FleetState, now_s: float) -> Stepped:
     """End what the crew said before the ground station went away: somebody may stand at the pad by now."""
-    plan, commands = state.replanning.replan, list[Command]()
-    pending = frozenset[str]() if plan is None else plan.pending
-    for vehicle in state.vehicles.values():
-        if vehicle.turn.asked_s is not None and vehicle.name not in pending:
-            state, more = end_turnaround(state, vehicle, IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE, now_s)
-            commands.extend(more)
-    return state, tuple(commands)
+    pending = frozenset[str]() if state.replanning.replan is None else state.replanning.replan.pending
+    turned = [one for one in state.vehicles.values() if one.name not in pending]
+    code, why = IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE
+    return step_each(state, turned, lambda state, one: end_turnaround(state, one, code, why, now_s))
 
 
 def find_awaited_vehicles(context: Context, state: FleetState, now_s: float) -> tuple[str, ...]:
@@ -265,14 +261,14 @@ def _describe_unreadiness(context: Context, state: FleetState, vehicle: VehicleS
 
 
 def _install_pack(
-    context: Context, vehicle: VehicleState, heard: vehicle_checks.PackReading, overstated_pct: float, now_s: float
+    setup: VehicleSetup, vehicle: VehicleState, event: Examined, held_pct: float, now_s: float
 ) -> VehicleState:
     """Return a vehicle whose battery's account begins anew; what was learned of the vehicle itself stays."""
-    setup, known = context.vehicles[vehicle.name].with_pack(vehicle.turn.label), vehicle.power
+    known, claimed_pct = vehicle.power, event.remaining_pct or 0.0
     prior = account.derive_prior(known.battery, setup.prior)
-    battery = account.restart_account(known.battery, heard.remaining_pct, 0, now_s, prior, setup.dialect.percent_middle)
-    facts = vehicle_checks.pack_facts_from_parameters(heard.parameters)
-    rest = None if heard.voltage_v is None else RestReading(heard.voltage_v, heard.remaining_pct, now_s)
+    battery = account.restart_account(known.battery, claimed_pct, 0, now_s, prior, setup.dialect.percent_middle)
+    facts = vehicle_checks.pack_facts_from_parameters(dict(event.parameters))
+    rest = None if event.voltage_v is None else RestReading(event.voltage_v, claimed_pct, now_s)
     power = PowerState(
         battery=battery,
         roundings=PercentRounding(),
@@ -280,16 +276,8 @@ def _install_pack(
         pack=PackState(known.pack.facts.override_with(facts), rest=rest, resting=rest is not None),
         began_pct=known.began_pct,
     )
-    turn = replace(vehicle.turn, swaps=vehicle.turn.swaps + 1, overstated_pct=max(0.0, overstated_pct))
+    turn = replace(vehicle.turn, swaps=vehicle.turn.swaps + 1, overstated_pct=max(0.0, claimed_pct - held_pct))
     return replace(vehicle, power=power, turn=turn)
-
-
-def _describe_pack(
-    vehicle: VehicleState, heard: vehicle_checks.PackReading, found: vehicle_checks.PackAtRest | None
-) -> str:
-    named = sorties.NAMED_PACK.format(label=vehicle.turn.label) if vehicle.turn.label else sorties.ITS_PACK
-    reports = sorties.REPORTS.format(left_pct=heard.remaining_pct)
-    return named + (reports if found is None else f" {found.standing.words}")
 
 
 def _release_later_sorties(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
@@ -333,7 +321,7 @@ def _open_later_sorties(
 
 def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     turn, plan = vehicle.turn, state.replanning.replan
-    if plan is not None and vehicle.name in plan.pending:
+    if turn.asked_s is None or (plan is not None and vehicle.name in plan.pending):
         return state, ()
     if over := _find_end_reason(context, state, vehicle, now_s):
         return end_turnaround(state, vehicle, *over, now_s)

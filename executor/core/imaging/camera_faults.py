@@ -12,12 +12,11 @@ from dataclasses import replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.commands import Command
 from executor.core.lines import pictures
 from executor.core.payload.camera_state import CameraRecord
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.replanning.withdrawal import declare_fault, withdraw_vehicle
-from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.fleet_state import FleetState, Stepped, step_each
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions.cameras import FIRST_COMPONENT, Capture, Trigger
 from planner import segment_of
@@ -48,11 +47,7 @@ def check_cameras(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Look at the cameras of everybody who is on a span."""
     if not context.setup.looks:
         return state, ()
-    commands: list[Command] = []
-    for name in state.vehicles:
-        state, more = _check_vehicle_cameras(context, state, name, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    return step_each(state, state.vehicles, lambda state, name: _check_vehicle_cameras(context, state, name, now_s))
 
 
 def _check_vehicle_cameras(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:

@@ -8,12 +8,17 @@ descent must not become a flight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
+from typing import Literal
 
 from executor.core.context import Context
 from executor.core.formatting import join_first_names
-from executor.core.inflight.custody.mode_causes import is_failsafe_in_hold, is_long_hold, is_under_foreign_control
+from executor.core.inflight.custody.mode_causes import (
+    is_failsafe_in_hold,
+    is_holding,
+    is_long_hold,
+    is_under_foreign_control,
+)
 from executor.core.interface.commands import Command, LandNow, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
 from executor.core.lines import custody
@@ -34,28 +39,11 @@ STOPPED_S = 5.0
 """A vehicle whose motors were stopped shows within this time that it is disarmed, if it was so."""
 UNSAID_S = 5.0
 """So long without HEARTBEAT its mode is not known."""
-
-
 MOST_NAMED = 3
 """Areas that a line to the crew names."""
 
-
-class HomingAction(Enum):
-    """What is to be done about a vehicle that should come home."""
-
-    RETURN = "return"
-    LAND = "land"
-    LEAVE = "leave"
-    """It is left to what it does."""
-    WAIT = "wait"
-
-
-@dataclass(frozen=True, slots=True)
-class HomingAdvice:
-    """An answer with its reason."""
-
-    answer: HomingAction
-    words: str = ""
+HomingAdvice = tuple[Literal["return", "land", "leave", "wait"], str]
+"""What is to be done about a vehicle that should come home, or be left to what it does; and why."""
 
 
 def is_coming_home(context: Context, vehicle: VehicleState) -> bool:
@@ -89,42 +77,43 @@ def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> Homi
     """Return what to do about a vehicle that should not fly its mission any more."""
     errand = vehicle.orders.errand or HomingOrder(now_s)
     if is_under_foreign_control(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
-        return HomingAdvice(HomingAction.LEAVE, custody.WITH_PILOT)
+        return "leave", custody.WITH_PILOT
     text, said_s = vehicle.telemetry.alarm
     if is_kill_switch_text(text) and now_s - said_s < STOPPED_S and not errand.force:
-        return HomingAdvice(HomingAction.WAIT, custody.KILL_SWITCH)
+        return "wait", custody.KILL_SWITCH
     if errand.land:
-        return HomingAdvice(HomingAction.LAND)
+        return "land", ""
     if is_coming_home(context, vehicle) and not errand.force:
-        return HomingAdvice(HomingAction.LEAVE, custody.COMING_HOME)
+        return "leave", custody.COMING_HOME
     if not errand.force and (failsafe := _await_failsafe(context, vehicle)) is not None:
         return failsafe
     if _cannot_climb(context, vehicle, now_s) and not errand.force:
-        return HomingAdvice(HomingAction.LEAVE, custody.CANNOT_CLIMB)
+        return "leave", custody.CANNOT_CLIMB
     fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
-            return HomingAdvice(HomingAction.WAIT)
-        return HomingAdvice(HomingAction.RETURN)  # only its autopilot knows where it is
+            return "wait", ""
+        return "return", ""  # only its autopilot knows where it is
     if _is_over_pad(context, vehicle):
-        if is_on_mission(context, vehicle) and _is_landing(vehicle) and vehicle.motion.stood_s < HANGS_S:
-            return HomingAdvice(HomingAction.LEAVE, custody.LANDING_ON_PAD)
-        return HomingAdvice(HomingAction.LAND)
+        lands = vehicle.leg is not None and vehicle.leg.phase in {Phase.LAND, Phase.RETURN}
+        lands = is_on_mission(context, vehicle) and (lands or fix.velocity_m_s[2] < -SINKS_M_S)
+        if lands and vehicle.motion.stood_s < HANGS_S:
+            return "leave", custody.LANDING_ON_PAD
+        return "land", ""
     if is_on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
-        return HomingAdvice(HomingAction.LEAVE, custody.LANDING)
-    return HomingAdvice(HomingAction.RETURN)
+        return "leave", custody.LANDING
+    return "return", ""
 
 
 def _await_failsafe(context: Context, vehicle: VehicleState) -> HomingAdvice | None:
     """Return that a failsafe is waited for that holds before it acts; None if none acts."""
-    waited_for = HomingAdvice(HomingAction.WAIT, custody.HOLDS_FIRST)
     if vehicle.custody.cause is ModeCause.OURS and is_failsafe_in_hold(context, vehicle):
-        return waited_for
+        return "wait", custody.HOLDS_FIRST
     if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.mode is None:
         return None
-    if vehicle.mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
-        return HomingAdvice(HomingAction.LEAVE, custody.OWN_FAILSAFE)
-    return None if is_long_hold(context, vehicle) else waited_for
+    if not is_holding(context, vehicle):
+        return "leave", custody.OWN_FAILSAFE
+    return None if is_long_hold(context, vehicle) else ("wait", custody.HOLDS_FIRST)
 
 
 def _cannot_climb(context: Context, vehicle: VehicleState, now_s: float) -> bool:
@@ -149,12 +138,6 @@ HANGS_S = 10.0
 """So long no mission of ours stands anywhere."""
 
 
-def _is_landing(vehicle: VehicleState) -> bool:
-    fix, leg = vehicle.motion.fix, vehicle.leg
-    lands = leg is not None and leg.phase in {Phase.LAND, Phase.RETURN}
-    return lands or (fix is not None and fix.velocity_m_s[2] < -SINKS_M_S)
-
-
 def bring_home(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, land: bool = False, force: bool = False
 ) -> Stepped:
@@ -173,10 +156,10 @@ def issue_homing_order(context: Context, state: FleetState, name: str, now_s: fl
         return state.put(vehicle.with_orders(errand=None)), ()
     if vehicle.link.stale or now_s < errand.not_before_s:
         return state, ()
-    answer = advise_homing(context, vehicle, now_s).answer
-    if answer in {HomingAction.WAIT, HomingAction.LEAVE}:
+    answer, _ = advise_homing(context, vehicle, now_s)
+    if answer in {"wait", "leave"}:
         return state, ()
-    land, modes = answer is HomingAction.LAND, context.vehicles[name].dialect.modes
+    land, modes = answer == "land", context.vehicles[name].dialect.modes
     expected = {modes.land.custom_mode} if land else {modes.return_home.custom_mode, modes.land.custom_mode}
     told = vehicle.with_orders(
         errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)

@@ -39,11 +39,6 @@ FLIES_M_S = 1.5
 """What is this much higher, or this fast, after it was found down, flies."""
 
 
-def has_landed(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that flew, or was on its way home, has disarmed."""
-    return vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
-
-
 def _has_come_down(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
     """Return whether a vehicle came down outside a landing; None as long as that is not seen."""
     fix = vehicle.motion.fix

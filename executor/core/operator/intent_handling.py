@@ -12,7 +12,7 @@ from executor.core.ground import out_of_service, pack_count, takeoff_offers, tur
 from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
+from executor.core.inflight.custody.mode_causes import is_holding, is_under_foreign_control
 from executor.core.inflight.homing import bring_home, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
@@ -379,9 +379,12 @@ def _close_intents(
 def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
     for vehicle in state.vehicles.values():
-        if vehicle.orders.held_s is not None and _is_back_on_mission(context, vehicle, now_s):
+        orders = vehicle.orders
+        quiet = now_s - max(orders.ordered_mode_s, vehicle.telemetry.mode_since_s) > OTHERS_MODE_S
+        asked = vehicle.stage is Stage.FLYING and now_s - orders.hold_asked_s <= FOLLOWED_LATE_S
+        if orders.held_s is not None and quiet and not vehicle.link.stale and is_on_mission(context, vehicle):
             state = state.put(vehicle.with_orders(held_s=None).with_motion(anchor=None))
-        elif vehicle.orders.held_s is None and _is_holding_late(context, vehicle, now_s):
+        elif orders.held_s is None and asked and is_holding(context, vehicle):
             state = state.put(vehicle.with_orders(held_s=now_s))
     ended = {
         name: replace(record, waiting=frozenset()).end(outcome, text, now_s, code)
@@ -392,17 +395,6 @@ def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped
     if not ended:
         return state, ()
     return state.with_crew(intents=MappingProxyType({**state.crew.intents, **ended})), ()
-
-
-def _is_back_on_mission(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    quiet = now_s - max(vehicle.orders.ordered_mode_s, vehicle.telemetry.mode_since_s) > OTHERS_MODE_S
-    return quiet and not vehicle.link.stale and is_on_mission(context, vehicle)
-
-
-def _is_holding_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    if vehicle.stage is not Stage.FLYING or now_s - vehicle.orders.hold_asked_s > FOLLOWED_LATE_S:
-        return False
-    return vehicle.mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
 
 
 _End = tuple[Outcome, tuple[IntentReason | None, str]]

@@ -76,7 +76,8 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
         wanted[kinds] = (float(stands | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
-    top = _round_up_fence_top(context, name, said)
+    steps = 10.0 if said[rule.height].kind == REAL32 else 1.0
+    top = math.ceil(steps * fence_top_m(context, name)) / steps
     limit = said[rule.height].value if stands & (rule.kinds[1] if rule.kinds is not None else 1) else 0.0
     if not 0.0 < limit <= top:
         wanted[rule.height] = (top, "m", checklist.FENCE_TOP)
@@ -173,9 +174,3 @@ def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLi
     if not far or given:
         return []
     return [checklist.RALLY_FAR.say(name, points=format_count(len(far), "rally point"), away_m=max(far))]
-
-
-def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
-    rule = context.vehicles[name].dialect.geofence
-    least = fence_top_m(context, name)
-    return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0

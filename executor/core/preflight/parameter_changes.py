@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
@@ -54,14 +54,6 @@ class ChangeStage(Enum):
     """Something else was found on board, which somebody put there since: it was left as it is."""
 
 
-class ValueOrigin(Enum):
-    """What is found on board means."""
-
-    OLD = "old"
-    OURS = "ours"
-    OTHER = "other"
-
-
 @dataclass(frozen=True, slots=True)
 class BoardChange(ABC, Generic[Value]):
     """What is on record of one change, so that it can be given back whatever happens to the ground station."""
@@ -98,11 +90,11 @@ class BoardChange(ABC, Generic[Value]):
         """Return whether what is on board was put there from here."""
         return any(self.is_same(one, found) for one in (self.new, *self.earlier))
 
-    def classify(self, found: Value) -> ValueOrigin:
+    def classify(self, found: Value) -> Literal["old", "ours", "other"]:
         """Return what it means that this is on board: it is only ours to take back where we put it there."""
         if self.is_same(self.old, found):
-            return ValueOrigin.OLD
-        return ValueOrigin.OURS if self.is_ours(found) else ValueOrigin.OTHER
+            return "old"
+        return "ours" if self.is_ours(found) else "other"
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +205,7 @@ def build_board_record(planned: Iterable[Recorded], before: Sequence[Recorded]) 
     record = {one.key: one for one in before}
     for change in planned:
         known = record.get(change.key)
-        if known is not None and known.is_open and known.classify(change.old) is not ValueOrigin.OTHER:
+        if known is not None and known.is_open and known.classify(change.old) != "other":
             earlier = dict.fromkeys((*known.earlier, known.new))
             change = replace(change, old=known.old, earlier=tuple(one for one in earlier if one != change.new))
         record[change.key] = change

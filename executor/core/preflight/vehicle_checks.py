@@ -332,14 +332,9 @@ def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     return [checklist.TIMES_BY_DEFAULT.say(facts.name, names=", ".join(absent), tested=dialect.tested_version)]
 
 
-def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that say whether it follows the ground by itself."""
-    return tuple(rule.parameter for rule in dialect.terrain)
-
-
 def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
-    names, known = list_terrain_parameters(dialect), facts.parameters
+    names, known = [rule.parameter for rule in dialect.terrain], facts.parameters
     asked = (*names, *list_other_names(dialect, names))
     if unread := facts.check_parameters_read(asked, "whether it follows the ground is", CheckCode.TERRAIN):
         return unread
@@ -352,11 +347,6 @@ def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check
     found += [unknown.say(name, setting=setting[rule]) for rule in set_ if rule not in on]
     idle = "; ".join(f"{setting[rule]} {rule.words}" for rule in on)
     return found or [checklist.TERRAIN_NOT_FOLLOWED.say(name, idle=f" ({idle})" if idle else "")]
-
-
-def list_shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that say whether it takes pictures."""
-    return (dialect.shutter.parameter,)
 
 
 def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None) -> list[Check]:
@@ -375,12 +365,7 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
     return [checklist.NO_SHUTTER.say(facts.name, said=said, words=rule.words, remedy=rule.remedy)]
 
 
-def charge_after_flight_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
-    """Return what a flight should leave in the battery; None if there is no flight."""
-    return None if path is None else remaining_pct - _estimate_flight(context, path).energy_pct
-
-
-def _estimate_flight(context: Context, path: FlightPath) -> Estimate:
+def estimate_flight(context: Context, path: FlightPath) -> Estimate:
     """Return what a flight should take, with what is known of its vehicle's consumption."""
     factor = context.vehicles[path.vehicle].prior.factor
     return estimate(path, context.pricing.models[path.vehicle], consumption=factor)
@@ -391,7 +376,7 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
     setup = context.vehicles[name]
     if path is None:
         return checklist.SPARE.say(name, left_pct=remaining_pct)
-    needed = _estimate_flight(context, path)
+    needed = estimate_flight(context, path)
     left_pct = remaining_pct - needed.energy_pct
     line = checklist.ENERGY_SHORT if left_pct < setup.reserve_pct else checklist.ENERGY
     return line.say(
@@ -471,17 +456,6 @@ def describe_prearm_failure(reasons_s: Mapping[str, float], status: messages.Sys
 
 
 @dataclass(frozen=True, slots=True)
-class PackReading:
-    """What a vehicle says of its pack at rest."""
-
-    remaining_pct: float
-    voltage_v: float | None
-    cells: int | None
-    """How many it tells apart."""
-    parameters: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True)
 class PackAtRest:
     """How a pack stands at rest."""
 
@@ -512,15 +486,18 @@ def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
     return said
 
 
-def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest | None:
-    """Return how a vehicle's pack stands at rest; None where no voltage is reported."""
-    if heard.voltage_v is None:
+def assess_pack_at_rest(
+    setup: VehicleSetup, claimed_pct: float, rest_v: float | None, cells: int | None, parameters: Mapping[str, float]
+) -> PackAtRest | None:
+    """Return how a vehicle's pack, of which it tells so many cells apart, stands at rest; None without a voltage."""
+    if rest_v is None:
         return None
-    known = pack_facts_from_parameters(heard.parameters).override_with(setup.pack)
-    cells = heard.cells or known.cells or voltage.least_cell_count(heard.voltage_v)
-    found = pack_condition.assess_resting_pack(heard.voltage_v, cells, known, heard.remaining_pct)
-    count = (checklist.CELLS if heard.cells or known.cells else checklist.CELLS_AT_LEAST).format(cells=cells)
-    reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
+    known = pack_facts_from_parameters(parameters).override_with(setup.pack)
+    told = cells or known.cells
+    cells = told or voltage.least_cell_count(rest_v)
+    found = pack_condition.assess_resting_pack(rest_v, cells, known, claimed_pct)
+    count = (checklist.CELLS if told else checklist.CELLS_AT_LEAST).format(cells=cells)
+    reads_volts = setup.dialect.rounds_twice and parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
     return PackAtRest(found, count, reads_volts)
 
 
@@ -530,10 +507,10 @@ def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
     if unread := facts.check_parameters_read(names, "what its pack is taken for is", CheckCode.PACK):
         return unread
     said = pack_facts_from_parameters(facts.parameters)
-    heard = PackReading(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
-    found = assess_pack_at_rest(context.vehicles[facts.name], heard)
+    setup = context.vehicles[facts.name]
+    found = assess_pack_at_rest(setup, facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
     return [
-        *_check_history(context, context.vehicles[facts.name]),
+        *_check_history(context, setup),
         *_check_capacity(context, facts.name, said),
         *_check_voltage(facts, found),
     ]

@@ -17,6 +17,7 @@ from executor.core.interface.commands import Command, Compose, Say, Solve, Survi
 from executor.core.interface.events import Gain, MissionsWanted, NewRoute, SolveEnded
 from executor.core.lines import link, replanning
 from executor.core.replanning import replan_separation, survivors
+from executor.core.replanning.replan_separation import find_low_tail_segments
 from executor.core.state import legs
 from executor.core.state.fleet_state import Coverage, FleetState, NewMission, Replan, ReplanRecord, Stepped
 from executor.core.state.onboard_fence import widen_fence
@@ -200,7 +201,9 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
     unmade = tuple(
         NewRoute(offer.vehicle, routes[offer.vehicle])
         for offer in offers
-        if routes[offer.vehicle] != offer.tail or _is_moved(state, plan, offer)
+        if routes[offer.vehicle] != offer.tail
+        # A tail that stays may be inspected at another distance than before: another may be there now.
+        or (plan.low and {*plan.low[offer.vehicle]} != find_low_tail_segments(state.vehicles[offer.vehicle], offer))
     )
     if plan.low:  # from the highest layer down: who flies lower may have to wait for who flies above it
         unmade = tuple(sorted(unmade, key=lambda one: -context.setup.layers.vehicles.index(one.vehicle)))
@@ -225,15 +228,6 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
     state = replace(state, coverage=set_aside_segments(context, state.coverage, event.uncovered))
     state, commands = compose_missions(context, state.with_replanning(replan=plan), plan, now_s)
     return state, (*lines, *commands)
-
-
-def _is_moved(state: FleetState, plan: Replan, offer: Survivor) -> bool:
-    """Return whether a tail that stays is inspected at another distance than before: another may be there now."""
-    if not plan.low:
-        return False
-    return frozenset(plan.low[offer.vehicle]) != replan_separation.find_low_tail_segments(
-        state.vehicles[offer.vehicle], offer
-    )
 
 
 def apply_missions_wanted(context: Context, state: FleetState, event: MissionsWanted, now_s: float) -> Stepped:

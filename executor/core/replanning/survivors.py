@@ -116,7 +116,9 @@ def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now
         place_m, alt_rel_m = board.places_m[kept - 1], board.path.waypoints[kept - 1].alt_rel_m
         spent_pct = legs.energy_to_reach_pct(state, kept - 1)
     else:
-        place_m, alt_rel_m, spent_pct = fix.place_m, fix.alt_rel_m, _turn_energy_pct(context, state, kept)
+        # It flies on until it has its new mission, and all that back.
+        on = min(1.0, context.horizon_s / legs.time_to_reach_s(state, kept))
+        place_m, alt_rel_m, spent_pct = fix.place_m, fix.alt_rel_m, 2.0 * on * legs.energy_to_reach_pct(state, kept)
     spent_pct *= account.consumption_factor(state.power.battery)
     offer = _build_offer(context, fleet, state, place_m, spent_pct, airborne=True, kept=kept)
     facing_m = (0.0, 0.0)
@@ -127,12 +129,6 @@ def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now
     # Flights are priced in the lowest layer.
     up_m = setup.up_m(state.name, alt_rel_m) - (0.0 if low else setup.layers.offset_m(state.name))
     return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
-
-
-def _turn_energy_pct(context: Context, state: VehicleState, waypoint: int) -> float:
-    """Return what turning back costs a vehicle at most: it flies on until it has its new mission, and all that back."""
-    shares = context.horizon_s / legs.time_to_reach_s(state, waypoint)
-    return 2.0 * min(1.0, shares) * legs.energy_to_reach_pct(state, waypoint)
 
 
 def build_pad_survivor(context: Context, fleet: FleetState, state: VehicleState) -> Survivor:

@@ -11,7 +11,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.inflight import homing
 from executor.core.inflight.custody import mode_causes
-from executor.core.inflight.homing import HomingAction, is_on_mission
+from executor.core.inflight.homing import is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, HandsOff, Resume
 from executor.core.interface.messages import Actor
 from executor.core.lines import custody, pilot, replanning
@@ -31,14 +31,17 @@ RETURNED_AFTER_S = 1.0
 def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     """Declare a fault: the vehicle is brought home where it can be, and its segments are reassigned."""
     kind, why, now_s = fault.kind, fault.reason, fault.detected_s
-    left = _find_left_segments(state, vehicle)
+    flew = vehicle.remaining_visits() if vehicle.stage in {Stage.FLYING, Stage.STARTING, Stage.PILOT} else ()
+    left = frozenset(map(segment_of, flew)) - set(state.coverage.inspected)
     down = vehicle.sortie.armed_once and not vehicle.armed
+    stood = not vehicle.sortie.took_off or has_mission_ended(context, vehicle)
+    landed = stood and is_over_pad(context, vehicle) and not has_fallen(context, vehicle)
     commands: tuple[Command, ...] = ()
     if kind is FaultKind.LINK:
         stage, then = Stage.LOST, describe_last_position(context, vehicle, now_s)
     elif kind is FaultKind.DOWN:
         stage, then = Stage.DOWN, ""  # its place is its reason
-    elif down and not _is_landed_at_home(context, vehicle):
+    elif down and not landed:
         # Where it comes to rest is said when it does.
         stage, then = Stage.DOWN, describe_last_position(context, vehicle, now_s)
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
@@ -61,27 +64,11 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     return state, (replanning.LEAVES.say(parts="; ".join(part for part in parts if part)), *more, *commands)
 
 
-def _is_landed_at_home(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that has disarmed lies where, and as, a landed one does."""
-    stood = not vehicle.sortie.took_off or has_mission_ended(context, vehicle)
-    return is_over_pad(context, vehicle) and stood and not has_fallen(context, vehicle)
-
-
 def _describe_homing(context: Context, state: FleetState, name: str, now_s: float) -> str:
-    found = homing.advise_homing(context, state.vehicles[name], now_s)
-    match found.answer:
-        case HomingAction.RETURN:
-            return replanning.RTL_WAITS if state.vehicles[name].link.stale else replanning.RTL
-        case HomingAction.LAND:
-            return replanning.LANDS_ON_PAD
-        case _:
-            return found.words
-
-
-def _find_left_segments(state: FleetState, vehicle: VehicleState) -> frozenset[int]:
-    if vehicle.stage not in {Stage.FLYING, Stage.STARTING, Stage.PILOT}:
-        return frozenset()
-    return frozenset(segment_of(visit) for visit in vehicle.remaining_visits()) - set(state.coverage.inspected)
+    answer, words = homing.advise_homing(context, state.vehicles[name], now_s)
+    if answer == "return":
+        return replanning.RTL_WAITS if state.vehicles[name].link.stale else replanning.RTL
+    return replanning.LANDS_ON_PAD if answer == "land" else words
 
 
 def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TypeVar
 
 from executor.core.interface.codes import Check
 from executor.core.interface.commands import Command, Level, Solve
@@ -17,6 +18,8 @@ from executor.core.state.vehicle_state import Fault, PartUpdate, Stage, VehicleS
 from missions import FlightPath
 from missions.fences import Fence
 from planner import segment_of
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,6 +354,15 @@ class FleetState:
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 """What a step comes to: the state after it, and what is to be done."""
+
+
+def step_each(state: FleetState, items: Iterable[T], step: Callable[[FleetState, T], Stepped]) -> Stepped:
+    """Take a step for one after the other; returns the state after the last, and all that is to be done."""
+    commands: list[Command] = []
+    for item in items:
+        state, more = step(state, item)
+        commands.extend(more)
+    return state, tuple(commands)
 
 
 def _has_segments(vehicle: VehicleState) -> bool:

@@ -288,7 +288,9 @@ def _find_visit(
     if best is None:
         return None
     _, visit, along_m = best
-    return _VisitSite(visit, board.tracks[visit], _find_span_capture(board, visit, camera.name), along_m)
+    inspects = (point for point in board.path.waypoints if point.visit == visit and point.phase is Phase.INSPECT)
+    capture = next((_capture_of(point.captures, camera.name) for point in inspects), None)
+    return _VisitSite(visit, board.tracks[visit], capture, along_m)
 
 
 def _find_viewpoint(board: OnboardMission, visit: int, place_m: tuple[float, float, float]) -> Waypoint | None:
@@ -301,11 +303,6 @@ def _find_viewpoint(board: OnboardMission, visit: int, place_m: tuple[float, flo
         and (apart_m := math.dist((*board.places_m[number], point.alt_rel_m), place_m)) <= END_TOLERANCE_M
     ]
     return board.path.waypoints[min(near)[1]] if near else None
-
-
-def _find_span_capture(board: OnboardMission, visit: int, camera: str) -> Capture | None:
-    inspects = (point for point in board.path.waypoints if point.visit == visit and point.phase is Phase.INSPECT)
-    return next((_capture_of(point.captures, camera) for point in inspects), None)
 
 
 def _capture_of(captures: Iterable[Capture], camera: str) -> Capture | None:

@@ -222,7 +222,7 @@ def review_mode_cause(
     ):
         return vehicle.with_custody(cause=ModeCause.PERSON, certain=True)
     aloft = vehicle.armed and vehicle.telemetry.on_ground is False
-    holds = aloft and _is_holding(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
+    holds = aloft and is_holding(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
     if vehicle.custody.cause is ModeCause.MISSION and holds:  # where its mission's end would have it on the ground
         # In its landing a failsafe holds it as anywhere else, and says so.
         itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
@@ -239,7 +239,8 @@ CALM_S = 2.5
 """Two heartbeats, and some of their way."""
 
 
-def _is_holding(context: Scene, vehicle: VehicleState) -> bool:
+def is_holding(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it says that it holds where it is."""
     return vehicle.mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
 
 
@@ -250,7 +251,7 @@ def _is_holding_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> b
     can send, or a silence explains a hold for a moment only.
     """
     beat_s = vehicle.link.heartbeat_s
-    if beat_s is None or not _is_holding(context, vehicle) or not vehicle.armed:
+    if beat_s is None or not is_holding(context, vehicle) or not vehicle.armed:
         return False
     if vehicle.is_critical or vehicle.sensors.fence_breached:
         return False
@@ -302,7 +303,7 @@ def _must_be_person(context: Scene, before: VehicleState, vehicle: VehicleState)
         # Who has it changes its mode again, unless it says anew what it does by itself.
         text, said_s = vehicle.telemetry.alarm
         return not (CHANGES_MODE.search(text) and said_s >= before.telemetry.mode_since_s)
-    if not _is_holding(context, vehicle) or not is_home_mode(dialect, before.mode):
+    if not is_holding(context, vehicle) or not is_home_mode(dialect, before.mode):
         return False
     # A failsafe holds before it returns, and never after; on a return that was ordered only one that holds first.
     holds_first = dialect.ground_station_failsafe.pause is not None or vehicle.sensors.fence_breached
@@ -375,15 +376,15 @@ def _is_mission_end(context: Scene, before: VehicleState, vehicle: VehicleState,
     fix = vehicle.motion.fix
     low = fix is not None and fix.alt_rel_m <= context.limits.airborne_m
     # A failsafe holds it in its landing as anywhere else.
-    ends_in_hold = _is_holding(context, vehicle) and low and not vehicle.is_critical
-    itself = ends_in_hold or (is_home_mode(dialect, mode) and not _is_holding(context, before))
+    ends_in_hold = is_holding(context, vehicle) and low and not vehicle.is_critical
+    itself = ends_in_hold or (is_home_mode(dialect, mode) and not is_holding(context, before))
     return itself and leg.phase is Phase.LAND
 
 
 def _is_explained_by_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
-    if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not _is_holding(context, vehicle):
+    if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not is_holding(context, vehicle):
         return False
     text, said_s = vehicle.telemetry.alarm
     return (
@@ -413,7 +414,7 @@ def is_unseen_hold(context: Scene, vehicle: VehicleState) -> bool:
     By its own clock: what waited for a ground station that stood still comes late, all of it.
     """
     fix, from_s = vehicle.motion.fix, vehicle.custody.unseen_from_boot_s
-    if not _is_holding(context, vehicle) or not _is_unseen_change(vehicle):
+    if not is_holding(context, vehicle) or not _is_unseen_change(vehicle):
         return False
     if fix is None or from_s is None or fix.at_s < vehicle.telemetry.mode_since_s:
         return False
@@ -434,7 +435,7 @@ def is_long_hold(context: Scene, vehicle: VehicleState) -> bool:
     Who was silent may have stood still, and its clock with it; who sends no HEARTBEAT may have gone on.
     """
     link = vehicle.link
-    if not _is_holding(context, vehicle):
+    if not is_holding(context, vehicle):
         return False
     from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
     return (link.heartbeat_s or 0.0) - from_s >= max_failsafe_hold_s(context, vehicle.name)
@@ -447,7 +448,7 @@ def is_failsafe_in_hold(context: Scene, vehicle: VehicleState) -> bool:
         return False
     text, said_s = told.alarm
     began_s = max(told.critical_since_s or -math.inf, said_s if CHANGES_MODE.search(text) else -math.inf)
-    holds = _is_holding(context, vehicle) and began_s > told.mode_since_s
+    holds = is_holding(context, vehicle) and began_s > told.mode_since_s
     return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < max_failsafe_hold_s(context, vehicle.name)
 
 
@@ -477,7 +478,7 @@ def _is_hold_after_failsafe(
 def _has_reported_takeover(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it says itself that somebody took over while its failsafe held it: PX4 does, by an event."""
     (recorded, recorded_s), since_s = vehicle.evidence.recorded, vehicle.telemetry.mode_since_s
-    if not _is_holding(context, vehicle) or vehicle.orders.ordered_mode_s >= since_s:
+    if not is_holding(context, vehicle) or vehicle.orders.ordered_mode_s >= since_s:
         return False  # what is ordered here is one who takes over, too
     return recorded is not None and recorded.by is Actor.PILOT and recorded_s >= since_s
 
@@ -496,7 +497,7 @@ def _may_follow_silence(context: Scene, vehicle: VehicleState) -> bool:
         return True
     if vehicle.mode == dialect.modes.land.custom_mode:
         return dialect.ends_in_other_mode and is_home_by_own_estimate(context, vehicle)
-    return not _is_holding(context, vehicle) or dialect.ground_station_failsafe.pause is not None
+    return not is_holding(context, vehicle) or dialect.ground_station_failsafe.pause is not None
 
 
 HOLDS_ON_S = 5.0

@@ -211,9 +211,3 @@ def list_streams_to_ask(view: WatchView) -> tuple[int, ...] | None:
     if not late:
         return None
     return tuple(message for one in late for message in one.messages) if is_radio_measured(view) else ()
-
-
-def state_silence_s(view: WatchView) -> float:
-    """Return for how long neither HEARTBEAT nor a position has come; 0 before both came."""
-    ages_s = (HEARTBEAT.age_s(view), POSITION.age_s(view))
-    return 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)

@@ -311,7 +311,8 @@ def check_link_silence(view: WatchView) -> Finding:
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
         return link.LOST.format(age_s=age_s, timeout_s=view.setup.link_timeout_s)
-    unseen_s = watch_view.state_silence_s(view)
+    ages_s = (watch_view.HEARTBEAT.age_s(view), watch_view.POSITION.age_s(view))
+    unseen_s = 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)  # not before both came
     unseen = view.setup.planned and unseen_s >= max(watch_view.UNSEEN_S, view.setup.link_timeout_s)
     return link.UNSEEN.format(age_s=unseen_s) if unseen else OK
 
