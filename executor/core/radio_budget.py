@@ -154,9 +154,6 @@ class LinkMeasures:
     """Share of its frames."""
 
 
-UNMEASURED = LinkMeasures()
-
-
 def check_radio(share: RadioShare, dialect: Dialect, found: tuple[LinkMeasures, ...]) -> list[Check]:
     """Say what a radio has to carry beside what it can.
 

@@ -14,7 +14,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -64,17 +64,13 @@ class InheritedRecord:
     """Checkpoint file that the flight was resumed from."""
 
 
-NOTHING_LEFT = InheritedRecord()
-"""Record of a flight that starts anew."""
-
-
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
     """All that the log up to one place comes to."""
 
     place: LogPlace
     state: FleetState
-    legacy: InheritedRecord = NOTHING_LEFT
+    legacy: InheritedRecord = field(default_factory=InheritedRecord)
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +312,7 @@ class FlightSession:
     solver: SolverProcess
     said: Callable[[], AskedVehicles]
     """Vehicle data from before the flight, with findings so far."""
-    legacy: InheritedRecord = NOTHING_LEFT
+    legacy: InheritedRecord = field(default_factory=InheritedRecord)
     """Record that the previous process left."""
 
 

@@ -411,7 +411,10 @@ async def examine_vehicle(
             proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
     except PreflightFailed as error:
         return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
-    if reason := _find_mismatch(context, facts) or _unknown(facts, proposal):
+    refused = [check.text for check in proposal.checks if check.severity is Severity.STOP]
+    if facts.unread:
+        refused.insert(0, onboard_failsafes.describe_unread_parameters(facts.unread))
+    if reason := _find_mismatch(context, facts) or next(iter(refused), ""):
         return Examined(name, ready=False, reason=reason)
     return Examined(
         name,
@@ -424,13 +427,6 @@ async def examine_vehicle(
         changed=tuple(change.words_set for change in proposal.changes_of(name)),
         sets=sets,
     )
-
-
-def _unknown(facts: VehicleFacts, proposal: parameter_changes.ParameterProposal) -> str:
-    """Return what cannot be known of its parameters; empty if everything is."""
-    if facts.unread:
-        return onboard_failsafes.describe_unread_parameters(facts.unread)
-    return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
 
 
 def _find_mismatch(context: Context, facts: VehicleFacts) -> str:

@@ -18,11 +18,12 @@ comes with hardly more current, so that it costs little.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from types import MappingProxyType
+
+import numpy as np
 
 from executor.core.fault_thresholds import Limits
 
@@ -129,24 +130,14 @@ def rest_charge_pct(cell_v: float, chemistry: Chemistry | None) -> float:
     """
     if chemistry is None:
         return max(rest_charge_pct(cell_v, one) for one in Chemistry)
-    return _interpolate(cell_v, REST_CELL_V[chemistry], CHARGE_PCT)
+    return float(np.interp(cell_v, REST_CELL_V[chemistry], CHARGE_PCT))
 
 
 def rest_cell_v(charge_pct: float, chemistry: Chemistry | None) -> float:
     """Return the resting voltage of a cell; of a chemistry that nobody names the lower one."""
     if chemistry is None:
         return min(rest_cell_v(charge_pct, one) for one in Chemistry)
-    return _interpolate(charge_pct, CHARGE_PCT, REST_CELL_V[chemistry])
-
-
-def _interpolate(at: float, known: tuple[float, ...], values: tuple[float, ...]) -> float:
-    if at <= known[0]:
-        return values[0]
-    if at >= known[-1]:
-        return values[-1]
-    above = bisect_left(known, at)
-    low, high = known[above - 1], known[above]
-    return values[above - 1] + (values[above] - values[above - 1]) * (at - low) / (high - low)
+    return float(np.interp(charge_pct, CHARGE_PCT, REST_CELL_V[chemistry]))
 
 
 NOISE = 0.004

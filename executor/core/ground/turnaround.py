@@ -222,7 +222,7 @@ def describe_awaited_sortie(context: Context, state: FleetState, vehicle: Vehicl
     if not open_:
         return ""
     awaited = sorties.AWAITED if visits else sorties.AWAITED_OPEN
-    waits = awaited.format(number=_next_sortie_number(vehicle), segments=format_count(open_, "segment"))
+    waits = awaited.format(number=len(vehicle.turn.sorties) + 1, segments=format_count(open_, "segment"))
     packs = pack_count.describe_packs(pack_count.count_packs(context, state, vehicle.name, now_s))
     return sorties.WITH_PACKS.format(waits=waits, packs=packs) if packs else waits
 
@@ -408,7 +408,7 @@ def _assign_next_sortie(
         offer = replace(offer, budget_pct=min(offer.budget_pct, most_pct), most_pct=min(offer.most_pct, most_pct))
     revision = state.replanning.revision + 1
     own = frozenset(segment_of(visit) for visit in visits)
-    trigger = sorties.SORTIE.format(vehicle=vehicle.name, number=_next_sortie_number(vehicle))
+    trigger = sorties.SORTIE.format(vehicle=vehicle.name, number=len(vehicle.turn.sorties) + 1)
     solve = Solve(
         revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
         visits if as_planned else (),
@@ -464,10 +464,6 @@ def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int,
     setup = place_vehicles(context, (on_its_way,)).setup
     found = estimate(build_flight_path(setup, vehicle.name, visits), context.pricing.models[vehicle.name])
     return found.duration_s, found.energy_pct
-
-
-def _next_sortie_number(vehicle: VehicleState) -> int:
-    return len(vehicle.turn.sorties) + 1
 
 
 def end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:

@@ -83,20 +83,16 @@ def apply_touchdown(
     left = _describe_remaining_charge(context, vehicle, now_s)
     if vehicle.sortie.rebooted_s is not None and is_over_pad(context, vehicle):
         return state, (landing.REBOOTED_ON_PAD.say(vehicle=vehicle.name, left=left),)
-    place, stays = "", _describe_manual_mode(context, vehicle)
+    place = stays = ""
+    # What only a person sets is told where nobody would be asked before the next take-off.
+    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
+    if context.fly_again is RelaunchPolicy.AUTO and mode is not None and manual:
+        stays = landing.STAYS_ON_GROUND.format(mode=mode_name(context.vehicles[vehicle.name].dialect, mode))
     if not is_over_pad(context, vehicle):
         where = landing.WITHOUT_GPS if is_dead_reckoning(vehicle) else landing.OFF_PAD
         place = where.format(place=describe_down_place(context, vehicle))
     landed = landing.LANDED.with_level(Level.FAULT if place else Level.WARNING if stays else Level.INFO)
     return state, (landed.say(vehicle=vehicle.name, left=left, place=place, stays=stays),)
-
-
-def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
-    """Return what is said of a mode that only a person sets, where nobody would be asked before the next take-off."""
-    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
-    if context.fly_again is not RelaunchPolicy.AUTO or mode is None or not manual:
-        return ""
-    return landing.STAYS_ON_GROUND.format(mode=mode_name(context.vehicles[vehicle.name].dialect, mode))
 
 
 def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: float) -> str:

@@ -55,25 +55,23 @@ class Upload:
     """What goes on board before it, and covers what is there as well; None where that suffices."""
 
 
-@dataclass(frozen=True, slots=True)
-class Start:
+@dataclass(frozen=True)
+class VehicleCommand:
+    """What is decided of one vehicle, and says nothing more than whom it is for."""
+
+    vehicle: str
+
+
+class Start(VehicleCommand):
     """Arm and start the mission on board."""
 
-    vehicle: str
 
-
-@dataclass(frozen=True, slots=True)
-class SendHome:
+class SendHome(VehicleCommand):
     """Order the vehicle to return by itself."""
 
-    vehicle: str
 
-
-@dataclass(frozen=True, slots=True)
-class Hold:
+class Hold(VehicleCommand):
     """Order the vehicle to stop where it is."""
-
-    vehicle: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,11 +91,8 @@ class ChangeSpeed:
     speed_m_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class LandNow:
+class LandNow(VehicleCommand):
     """Order the vehicle to land where it is."""
-
-    vehicle: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +122,8 @@ class AskStreams:
     """Which alone; everything if none is named."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReadMission:
+class ReadMission(VehicleCommand):
     """Look up what the vehicle carries: it says that it was given a mission, and not from here."""
-
-    vehicle: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,11 +135,8 @@ class AskPicture:
     sequence: int
 
 
-@dataclass(frozen=True, slots=True)
-class HandsOff:
+class HandsOff(VehicleCommand):
     """Say nothing more to the vehicle: a person has it. What is half on board is still made whole."""
-
-    vehicle: str
 
 
 @dataclass(frozen=True, slots=True)

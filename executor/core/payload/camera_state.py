@@ -102,9 +102,6 @@ class PayloadState:
         return replace(self, cameras=(*others, camera))
 
 
-NO_PAYLOAD = PayloadState()
-
-
 @dataclass(frozen=True, slots=True)
 class AwaitedPictures:
     """A span that was flown, and whose pictures are waited for."""

@@ -11,7 +11,6 @@ from executor.core.interface.codes import Check, Severity
 from executor.core.lines import checklist
 from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.inspection_height import build_airway, check_inspection_airspace, segment_distances_m
-from missions.terrain import Terrain
 
 RAISED_M = 0.5
 """Pylons that are passed higher than asked by less are not worth a word."""
@@ -79,7 +78,7 @@ def build_heights_document(setup: missions.FlightSetup, paths: Sequence[missions
     """Return the same as plain data, in metres."""
     heights = missions.find_height_extremes(setup, paths)
     least_m = missions.min_height_over_tops_m(setup, paths)
-    return {
+    document: dict[str, object] = {
         "over": setup.layers.reference.value,
         "flat": setup.network.flat,
         "least_over_tops_m": None if least_m is None else round(least_m, 1),
@@ -87,20 +86,18 @@ def build_heights_document(setup: missions.FlightSetup, paths: Sequence[missions
         "most_over_ground_m": None if heights is None else round(heights[1].height_m, 1),
         "return_over_ground_m": round(missions.find_max_return_height(setup).height_m, 1),
         "ceiling_m": setup.inspection.ceiling_m,
-        **({} if setup.terrain is None else {"terrain": _build_terrain_document(setup, setup.terrain)}),
     }
-
-
-def _build_terrain_document(setup: missions.FlightSetup, terrain: Terrain) -> dict[str, object]:
-    known = terrain.elevation
-    return {
-        "source": known.source,
-        "digest": known.digest,
-        "vertical": known.vertical,
-        "uncertainty_m": known.uncertainty_m,
-        "margin_m": terrain.margin_m,
-        "most_raised_m": round(float(setup.layers.raised_m.max(initial=0.0)), 1),
-    }
+    if setup.terrain is not None:
+        known = setup.terrain.elevation
+        document["terrain"] = {
+            "source": known.source,
+            "digest": known.digest,
+            "vertical": known.vertical,
+            "uncertainty_m": known.uncertainty_m,
+            "margin_m": setup.terrain.margin_m,
+            "most_raised_m": round(float(setup.layers.raised_m.max(initial=0.0)), 1),
+        }
+    return document
 
 
 def describe_inspection_distances(asked_m: float, inspected: Iterable[tuple[str, str, float]]) -> str:

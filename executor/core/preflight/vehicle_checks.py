@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from executor.core.interface.ports import LinkView
 from executor.core.lines import checklist
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
-from executor.core.radio_budget import UNMEASURED, LinkMeasures
+from executor.core.radio_budget import LinkMeasures
 from executor.core.telemetry import vehicle_identity
 from executor.core.telemetry.vehicle_identity import describe_foreign_system
 from missions import (
@@ -89,7 +89,7 @@ class VehicleFacts:
     """What its position is by; None where it did not say."""
     unread: frozenset[str] = frozenset()
     """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
-    link: LinkMeasures = UNMEASURED
+    link: LinkMeasures = field(default_factory=LinkMeasures)
     acts: tuple[messages.StationActed, ...] = ()
     """What stations behind `[forward]` did, or may not do."""
     links: tuple[LinkView, ...] = ()
@@ -506,24 +506,22 @@ def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
     names = context.vehicles[facts.name].dialect.pack_parameters
     if unread := facts.check_parameters_read(names, "what its pack is taken for is", CheckCode.PACK):
         return unread
-    said = pack_facts_from_parameters(facts.parameters)
-    setup = context.vehicles[facts.name]
+    setup, planned_ah, checks = context.vehicles[facts.name], context.drone.capacity_ah, list[Check]()
+    if (known := setup.history) is not None:
+        severity, history = None, describe_pack_history(setup, planned_ah)
+        if known.share_of(planned_ah) < 1.0:
+            severity = Severity.WARNING
+        checks.append(checklist.PACK_HISTORY.say(facts.name, severity, label=known.label, history=history))
+    counted_ah = pack_facts_from_parameters(facts.parameters).capacity_ah
+    if counted_ah is not None and not planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
+        line, factor = checklist.PACK_CAPACITY, planned_ah / counted_ah
+        checks.append(line.say(facts.name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor))
     found = assess_pack_at_rest(setup, facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
-    return [
-        *_check_history(context, setup),
-        *_check_capacity(context, facts.name, said),
-        *_check_voltage(facts, found),
-    ]
-
-
-def _check_history(context: Context, setup: VehicleSetup) -> list[Check]:
-    """Say what earlier flights said of its pack, and what is reckoned with for it."""
-    known, planned_ah = setup.history, context.drone.capacity_ah
-    if known is None:
-        return []
-    worn = known.share_of(planned_ah) < 1.0
-    severity, history = Severity.WARNING if worn else None, describe_pack_history(setup, planned_ah)
-    return [checklist.PACK_HISTORY.say(setup.name, severity, label=known.label, history=history)]
+    if found is None:
+        return [*checks, checklist.NO_VOLTAGE.say(facts.name)]
+    line = checklist.PACK_BY_VOLTS if found.reads_volts else checklist.PACK_AT_REST
+    severity = Severity.WARNING if found.doubtful else None
+    return [*checks, line.say(facts.name, severity, standing=found.standing.words, count=found.count)]
 
 
 def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
@@ -549,21 +547,3 @@ def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
     if setup.empty_pct > 0:
         text += (", " if worn else ": ") + checklist.EMPTY_AT.format(empty_pct=setup.empty_pct)
     return text
-
-
-def _check_capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
-    planned_ah, counted_ah = context.drone.capacity_ah, said.capacity_ah
-    if counted_ah is None or planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
-        return []
-    factor = planned_ah / counted_ah
-    return [checklist.PACK_CAPACITY.say(name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor)]
-
-
-def _check_voltage(facts: VehicleFacts, found: PackAtRest | None) -> list[Check]:
-    if facts.voltage_v is None:
-        return [checklist.NO_VOLTAGE.say(facts.name)]
-    if found is None:
-        return []
-    line = checklist.PACK_BY_VOLTS if found.reads_volts else checklist.PACK_AT_REST
-    severity = Severity.WARNING if found.doubtful else None
-    return [line.say(facts.name, severity, standing=found.standing.words, count=found.count)]

@@ -160,9 +160,6 @@ class InferredCoverage:
     """What does not fit, in words; empty if everything does."""
 
 
-NOTHING = InferredCoverage()
-
-
 def infer_coverage(context: Context, state: VehicleState, board: OnboardMission, waypoint: int) -> InferredCoverage:
     """Return what a vehicle inspected between the last position before the silence and its newest one.
 
@@ -170,11 +167,11 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
     """
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
-        return NOTHING
+        return InferredCoverage()
     waits = not state.armed and state.orders.start_owed_s is not None  # it was not told to start yet
     ahead = board.path.waypoints[before.waypoint + 1 : (waypoint if state.armed else len(board.legs)) + 1]
     if waits or (before.run is None and not any(point.phase is Phase.INSPECT for point in ahead)):
-        return NOTHING
+        return InferredCoverage()
     if not context.infers:
         return InferredCoverage(why_not=resume.ASKS_FOR_PROOF)
     if fix.boot_s <= before.fix.boot_s:
@@ -197,7 +194,7 @@ def _infer_in_flight(
     point, unbegun = board.path.waypoints[waypoint], waypoint == before.waypoint and before.run is None
     joins = None if point.phase is not Phase.INSPECT or unbegun else point.visit
     if not visits and joins is None:
-        return NOTHING
+        return InferredCoverage()
     expected_s = _estimate_rest(board, before.waypoint, before.fix, pace)[0]
     expected_s -= _estimate_rest(board, waypoint, fix, pace)[0]
     tolerance_s = _tolerance_s(context, board, (*visits, *(() if joins is None else (joins,))))

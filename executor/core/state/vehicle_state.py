@@ -11,7 +11,7 @@ from executor.core.battery import account
 from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.interface.codes import ReasonCode
 from executor.core.interface.messages import CRITICAL
-from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
+from executor.core.payload.camera_state import PayloadState
 from executor.core.state import vehicle_parts
 from executor.core.state.inspection_proof import SLOWED_GAP_S, Track
 from executor.core.state.mission_ownership import MissionOwnership
@@ -179,7 +179,7 @@ class VehicleState:
     sortie: vehicle_parts.SortieProgress = field(default_factory=vehicle_parts.SortieProgress)
     custody: vehicle_parts.Custody = field(default_factory=vehicle_parts.Custody)
     evidence: vehicle_parts.ModeEvidence = field(default_factory=vehicle_parts.ModeEvidence)
-    payload: PayloadState = NO_PAYLOAD
+    payload: PayloadState = field(default_factory=PayloadState)
     turn: vehicle_parts.Turnaround = field(default_factory=vehicle_parts.Turnaround)
     own: vehicle_parts.OwnMission = field(default_factory=vehicle_parts.OwnMission)
 
