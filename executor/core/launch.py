@@ -26,7 +26,7 @@ from executor.core.replanning.replan_cycle import end_replan_if_done, format_seg
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped, step_each
-from executor.core.state.mission_ownership import SURE_S, MissionOwnership, apply_mission_readback
+from executor.core.state.mission_ownership import AGREEMENT_S, MissionOwnership, apply_mission_readback
 from executor.core.state.vehicle_parts import DeclinedMission, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position, is_kill_switch_text
 from executor.core.state.vehicle_state import (
@@ -384,7 +384,7 @@ def apply_mission_read(state: FleetState, found: Found, now_s: float) -> Stepped
     board, carried, declined = vehicle.assignment.board, vehicle.assignment.carried, vehicle.assignment.declined
     if board is None or carried.told_s is None:
         return state, ()  # it was given one of ours meanwhile
-    if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= SURE_S:
+    if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= AGREEMENT_S:
         # Nothing came of it at all: it is asked again when it is heard.
         return state.put(vehicle.with_assignment(carried=replace(carried, asked_s=None))), ()
     if vehicle.assignment.stubborn and declined is not None:

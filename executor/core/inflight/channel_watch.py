@@ -24,7 +24,7 @@ from executor.core.radio_budget import (
     list_streams_hz,
 )
 from executor.core.state.fleet_state import FleetState, Stepped
-from executor.core.state.link_quality import COUNT_S
+from executor.core.state.link_quality import COUNT_AGE_S
 from executor.core.state.radio_channel import (
     ChannelMeasures,
     ChannelState,
@@ -100,7 +100,7 @@ def _evaluate_measurement(
 ) -> tuple[ChannelState, list[Command]]:
     """Evaluate one measurement; report a problem once it has lasted, and its end."""
     code, why = judge_channel(found) or (None, "")
-    if is_congestion(code) and now_s - known.missions_s < COUNT_S:
+    if is_congestion(code) and now_s - known.missions_s < COUNT_AGE_S:
         code, why = None, ""  # the uploads are still in the byte counts
     since_s = known.found_since_s if is_congestion(code) is is_congestion(known.found) else now_s
     totals = _add_totals(known, found, min(now_s - known.looked_s, 2 * EVALUATION_S))

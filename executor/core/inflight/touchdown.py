@@ -14,7 +14,7 @@ from executor.core.lines import landing
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_position import (
-    UNSEEN_S,
+    REST_TIMEOUT_S,
     describe_down_place,
     describe_last_position,
     describe_lean,
@@ -46,7 +46,7 @@ def _has_come_down(context: Context, vehicle: VehicleState, now_s: float) -> boo
         return False
     if vehicle.sensors.tilted_since_s is not None:
         return True
-    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < UNSEEN_S:
+    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < REST_TIMEOUT_S:
         return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.orders.lands else None
     # A commanded landing may end on a hill.
     came_down = has_sinking_fix(vehicle) if vehicle.orders.lands else has_fallen(context, vehicle)

@@ -323,7 +323,7 @@ def _apply_position(
     anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or anchor.distance_m(fix) > context.limits.stall_m:
         anchor = fix
-    settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.SETTLES_S
+    settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.GPS_SETTLE_S
     jump = (None if settles else _find_jump(context, last, fix, elapsed_s)) or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     away = sortie.away_once or context.vehicles[state.name].pad_distance_m(place) > context.limits.off_pad_m
