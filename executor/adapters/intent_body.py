@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from executor.core.interface.intents import LONGEST_NAME, MOST_ASSETS, MOST_PACKS, PACK, Action, ActionName, Intent
+from executor.core.interface.intents import LONGEST_NAME, MAX_ASSETS, MAX_PACKS, PACK, Action, ActionName, Intent
 
 
 def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
@@ -26,7 +26,7 @@ _SCHEMA = {
     ]
 }
 Asset = Annotated[int | str, PlainValidator(_check_asset), WithJsonSchema(_SCHEMA)]
-NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_ASSETS)]
+NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MAX_ASSETS)]
 """One at least: a list that came out empty does not stand for all of them."""
 
 
@@ -47,7 +47,7 @@ class IntentBody(BaseModel):
     """The id of the pack that was put in, for `swap`; left out where packs have none."""
     base: Annotated[str, Field(max_length=64)] = ""
     """Which base of a day, for `close`, `open` and `count`."""
-    charged: Annotated[int, Field(ge=0, le=MOST_PACKS)] | None = None
+    charged: Annotated[int, Field(ge=0, le=MAX_PACKS)] | None = None
     """How many charged packs are at the base now, for `count`."""
     assets: NamedAssets = ()
     """Which are looked at again, for `prove`: names, or segments by their numbers; left out for all that is inferred

@@ -16,7 +16,7 @@ from executor.core.ground.takeoff_offers import find_open_segments, is_offered_r
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, Reason, fill_in
+from executor.core.interface.intents import BEFORE_FLIGHT, FOR_ALL, FOR_BASE, Action, Intent, Reason, fill_in
 from executor.core.lines import operator
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import ON_GROUND, find_takeoff_obstacles
@@ -72,7 +72,7 @@ def find_refusal(context: Context, state: FleetState, intent: Intent, now_s: flo
 def _object(pending: PendingIntent) -> Reasons:
     state, intent = pending.state, pending.intent
     yield state.progress.finished and operator.OVER
-    if intent.action in BEFORE:
+    if intent.action in BEFORE_FLIGHT:
         yield from _object_before_launch(pending)
         return
     yield state.progress.launched_s is None and operator.NOT_BEGUN
