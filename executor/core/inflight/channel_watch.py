@@ -17,7 +17,7 @@ from executor.core.interface.codes import ChannelCode
 from executor.core.interface.commands import AskStreams, Command
 from executor.core.lines import link
 from executor.core.radio_budget import (
-    FULL_PCT,
+    FULL_BUFFER_PCT,
     GLOBAL_POSITION_INT,
     OWN_FACTORS,
     RadioShare,
@@ -74,7 +74,7 @@ def watch_channels(context: Context, state: FleetState, now_s: float) -> Stepped
         commands += lines
         state = replace(state, channels=MappingProxyType({**state.channels, share.names[0]: after}))
         free_pct = None if found.radio is None else found.radio.free_buffer_pct
-        for vehicle in () if busy or (free_pct is not None and free_pct < FULL_PCT) else vehicles:
+        for vehicle in () if busy or (free_pct is not None and free_pct < FULL_BUFFER_PCT) else vehicles:
             state, asked = _request_streams(context, state, vehicle, after.step, now_s)
             commands += asked
             if asked:

@@ -14,7 +14,7 @@ from executor.core.context import VehicleSetup
 from executor.core.interface.codes import ChannelCode
 from executor.core.interface.messages import Radio
 from executor.core.lines import link
-from executor.core.radio_budget import FULL_PCT, RadioShare
+from executor.core.radio_budget import FULL_BUFFER_PCT, RadioShare
 from executor.core.state.link_quality import ENOUGH_FRAMES
 from executor.core.state.vehicle_state import VehicleState
 
@@ -139,7 +139,7 @@ def judge_channel(found: ChannelMeasures) -> tuple[ChannelCode, str] | None:
         if margin < WEAK_MARGIN:
             return ChannelCode.SIGNAL_LOW, link.SIGNAL_LOW.format(margin_db=max(0.0, margin / 1.9), end=name)
     free_pct, lost = None if found.radio is None else found.radio.free_buffer_pct, found.lost or 0.0
-    if free_pct is not None and free_pct < FULL_PCT:
+    if free_pct is not None and free_pct < FULL_BUFFER_PCT:
         return ChannelCode.BUFFER_FULL, link.RADIO_FULL.format(free_pct=free_pct)
     near = found.bytes_s >= NEAR_CAPACITY * found.capacity_bytes_s
     if near and (found.capacity_known or lost >= CAPACITY_LOST):
