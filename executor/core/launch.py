@@ -39,7 +39,7 @@ from executor.core.state.vehicle_state import (
     build_onboard_mission,
     change_stage,
 )
-from executor.core.telemetry.message_update import FELL_BACK_S
+from executor.core.telemetry.message_update import CLOCK_LOSS_S
 from missions import StartStep
 from planner import segment_of
 
@@ -208,7 +208,7 @@ def _describe_reboot(vehicle: VehicleState) -> str:
     cleared_s = vehicle.orders.cleared_s or -math.inf
     if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
         return takeoff.HAS_REBOOTED
-    if vehicle.motion.behind_s >= FELL_BACK_S and vehicle.motion.fell_back_s > cleared_s:
+    if vehicle.motion.behind_s >= CLOCK_LOSS_S and vehicle.motion.fell_back_s > cleared_s:
         return takeoff.CLOCK_FELL_BACK
     return ""
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from executor.core.battery import pack_condition, voltage
-from executor.core.battery.pack_condition import RECENT, PackCondition
+from executor.core.battery.pack_condition import RECENT_FLIGHTS, PackCondition
 from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
@@ -539,7 +539,7 @@ def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
         parts.append(checklist.HAS_CAPACITY.format(has_ah=has_ah, share_pct=share_pct, planned_ah=planned_ah))
     if known.ohm is not None:
         parts.append(checklist.HAS_RESISTANCE.format(mohm=1000.0 * known.ohm[0]))
-    flights = format_count(min(known.flights, RECENT), "flight")
+    flights = format_count(min(known.flights, RECENT_FLIGHTS), "flight")
     text = checklist.HAS.format(what=" and ".join(parts), flights=flights)
     worn = known.share_of(planned_ah) < 1.0
     if worn:
