@@ -1,4 +1,4 @@
-"""What must be true before anything moves: checks of what vehicles and their packs say, and why one does not arm."""
+"""Check vehicles and their packs before the flight, and explain why one does not arm."""
 
 from __future__ import annotations
 
@@ -36,39 +36,39 @@ from missions import (
 )
 
 RECORD_BYTES_S = 2500.0
-"""Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
+"""Bytes per second of a vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
 SPARE_ROOM = 4.0
-"""A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
+"""Factor on the disk space: a flight with a re-plan is longer, and pictures and a copy need room too."""
 PAD_OFF_M = 15.0
-"""What a GPS may be off in height."""
+"""Height error of a GPS."""
 PAD_SLOPE = 0.3
-"""By how much the ground may rise from the depot to a pad, in metres a metre."""
+"""Steepest slope of the ground from the depot to a pad, in metres per metre."""
 FARTHEST_PAD_M = 200.0
-"""A vehicle that stands farther from the depot than this is not the one that the site file means."""
+"""Distance from the depot beyond which a vehicle is not the one in the site file."""
 SILENT_LINK_S = 3.0
 GPS_M = 5.0
-"""What a good GPS is off in height beside the raster."""
+"""Height error of a good GPS, beside the raster's."""
 PREARM_SENSORS = {
     0x1: "gyroscope", 0x2: "accelerometer", 0x4: "compass", 0x8: "barometer", 0x20: "GPS", 0x10000: "remote control",
     0x100000: "geofence", 0x200000: "attitude estimate", 0x1000000: "logging", 0x2000000: "battery",
     0x40000000: "motors",
 }  # fmt: skip
-"""MAV_SYS_STATUS_SENSOR, as far as a multicopter's crew can do something about it."""
+"""MAV_SYS_STATUS_SENSOR bits that a multicopter's crew can act on."""
 PREARM_PREFIXES = ("PreArm:", "Arm:", "Preflight Fail:", "Arming denied:", "Arming denied!")
-"""What the autopilots put before a reason."""
+"""Prefixes of the autopilots before a reason."""
 PREARM_VALID_S = 35.0
-"""ArduPilot repeats the reasons every 30 s: an older one is settled."""
+"""Age at which a reason is settled; ArduPilot repeats them every 30 s."""
 PREARM_SHOWN = 3
-"""More reasons than this are counted only."""
+"""Reasons shown; more are counted."""
 USUAL_OTHER = 254
-"""No station has this number unless somebody gave it to it."""
+"""A system id that no station has by default."""
 LIKE = 1.1
-"""Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
+"""Ratio below which two capacities are equal: the label on a pack, and a parameter."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleFacts:
-    """What one vehicle said before the flight."""
+    """The reports of one vehicle before the flight."""
 
     name: str
     heartbeat: messages.Heartbeat
@@ -76,27 +76,27 @@ class VehicleFacts:
     remaining_pct: float
     version: messages.Version | None
     parameters: Parameters
-    """Those that were answered."""
+    """The parameters read."""
     stations: tuple[messages.StationHeard, ...] = ()
-    """Other ground stations whose heartbeats came over its link."""
+    """Other ground stations whose HEARTBEATs arrived over its link."""
     doubles: tuple[messages.DoubleHeard, ...] = ()
-    """Other vehicles with its number."""
+    """Other vehicles with its system id."""
     voltage_v: float | None = None
-    """Of its pack at rest."""
+    """Voltage of its pack at rest."""
     cells: int | None = None
-    """How many cells it tells apart."""
+    """Number of cells it reports."""
     gps: messages.Gps | None = None
-    """What its position is by; None where it did not say."""
+    """Its GPS report; None without one."""
     unread: frozenset[str] = frozenset()
-    """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
+    """Parameters that are unknown; one in neither field does not exist."""
     link: LinkMeasures = field(default_factory=LinkMeasures)
     acts: tuple[messages.StationActed, ...] = ()
-    """What stations behind `[forward]` did, or may not do."""
+    """Actions of stations behind `[forward]`, done or blocked."""
     links: tuple[LinkView, ...] = ()
     """Each of its links, where it has several."""
 
     def check_parameters_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
-        """Return the reason not to fly where something cannot be checked, as a parameter of it was not read."""
+        """Return the reason not to fly for a check whose parameter was not read."""
         lacking = self.unread.intersection(names)
         if not lacking:
             return []
@@ -116,7 +116,7 @@ class VehicleFacts:
 def check_identity(
     facts: VehicleFacts, dialect: Dialect, place_m: tuple[float, float], stated_m: tuple[float, float] | None = None
 ) -> list[Check]:
-    """Check that the vehicle, which stands at `place_m` of the local frame, is the one that the site file means."""
+    """Check that the vehicle at `place_m` of the local frame is the one in the site file."""
     found = [_check_firmware(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
     if kind not in vehicle_identity.MULTICOPTERS:
@@ -135,7 +135,7 @@ def check_identity(
 
 
 def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
-    """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
+    """Compare the height of a vehicle's pad by its own GPS with the depot's, the reference of all heights."""
     pad = context.setup.pad_of(facts.name)
     off_m = pad.alt_m - context.frame.alt_m
     heights = checklist.PAD_AND_DEPOT.format(pad_m=pad.alt_m, depot_m=context.frame.alt_m)
@@ -147,9 +147,9 @@ def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
 
 
 def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
-    """Hold a pad's height by the vehicle's own GPS against the raster: all heights of its mission are counted from it.
+    """Compare a pad's height by the vehicle's GPS with the raster; its mission's heights count from it.
 
-    A GPS that is too high sends the vehicle lower over the ground than its mission says.
+    A GPS that reads too high leads the vehicle lower over the ground than planned.
     """
     terrain, pad = context.setup.terrain, context.setup.pad_of(facts.name)
     if terrain is None:
@@ -180,13 +180,13 @@ def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
 
 
 def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
-    """Say what the vehicle does by itself when it does not hear us, and how long it is waited for.
+    """Check a vehicle's GCS failsafe and its link time-out.
 
     Args:
-        facts: What it said.
-        own: What its parameters mean.
-        waited_s: The silence after which its segments are given away.
-        wanted_s: The site file's figure for that; None if it has none.
+        facts: The vehicle's facts.
+        own: Its GCS failsafe.
+        waited_s: The silence after which its segments are reassigned.
+        wanted_s: The site file's value for that; None if it has none.
     """
     if wanted_s is not None and waited_s > wanted_s and not own.unread:
         return checklist.DECLARED_LATER.say(facts.name, failsafe=own.words, wanted_s=wanted_s, waited_s=waited_s)
@@ -195,12 +195,12 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
 
 
 def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = messages.GROUND_STATION[0]) -> list[Check]:
-    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for.
+    """Check that a vehicle's GCS failsafe watches our HEARTBEAT, and only ours.
 
     Args:
-        facts: What the vehicle said.
-        dialect: Of its autopilot.
-        ours: Our own system number.
+        facts: The vehicle's facts.
+        dialect: Its autopilot.
+        ours: Our own system id.
     """
     first = dialect.ground_station_failsafe.station_sysid
     names = () if first is None else (first, *list_other_names(dialect, [first]))
@@ -214,7 +214,7 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = mes
         found.append(checklist.STATION_OTHER.say(facts.name, value=value, name=name, ours=ours))
     for station in facts.stations:
         if station.behind:
-            continue  # its HEARTBEATs come through us, and end with ours
+            continue  # its HEARTBEATs pass through us, and end with ours
         hides = counted is None or counted[1] == station.system
         then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
         if station.system == ours:
@@ -224,7 +224,7 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = mes
 
 
 def check_links(facts: VehicleFacts) -> list[Check]:
-    """Say over which of several links a vehicle is heard."""
+    """Check which of several links of a vehicle are received."""
     silent = [one.connection for one in facts.links if one.heard_age_s is None or one.heard_age_s > SILENT_LINK_S]
     used = [one.connection for one in facts.links if one.used]
     if not used:
@@ -236,12 +236,12 @@ def check_links(facts: VehicleFacts) -> list[Check]:
 def check_forwarding(
     facts: Iterable[VehicleFacts], ports: Sequence[Connection], *, allow_orders: bool, signed: bool
 ) -> list[Check]:
-    """Say who is behind `[forward]`, and what they may do.
+    """Check the stations behind `[forward]` and their permissions.
 
     Args:
-        facts: What the vehicles said.
-        ports: Where other stations are given the vehicles' frames.
-        allow_orders: Whether their frames go to the vehicles.
+        facts: The vehicles' facts.
+        ports: Ports where other stations receive the vehicles' frames.
+        allow_orders: Whether their frames reach the vehicles.
         signed: Whether those must be signed.
     """
     if not ports:
@@ -261,7 +261,7 @@ def check_forwarding(
 
 
 def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:
-    """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
+    """Check a vehicle's battery failsafe against a flight that lands with `left_pct`."""
     names = onboard_failsafes.battery_names(dialect)
     if unread := facts.check_parameters_read(names, "battery failsafe", CheckCode.BATTERY_FAILSAFE):
         return unread
@@ -287,7 +287,7 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
 
 
 def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
-    """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
+    """Check that the flight and the RTL fit a vehicle's own geofence."""
     setup = context.vehicles[facts.name]
     names = onboard_failsafes.fence_names(setup.dialect)
     if unread := facts.check_parameters_read(names, "its geofence is", CheckCode.GEOFENCE):
@@ -304,7 +304,7 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     if action and onboard_failsafes.describe_action(rule.actions, action) == onboard_failsafes.UNKNOWN:
         does = onboard_failsafes.UNKNOWN
         found.append(checklist.GEOFENCE_ACTION.say(facts.name, action=does, name=rule.action, value=action))
-    # What its owner has set is no limit to be lifted for a fence of ours.
+    # The owner's limits are not lifted for a fence of ours.
     severity = Severity.STOP if context.fencing is not None and context.fencing.enabled else None
     for limit_m, needed_m, name, what in (
         (ends_high_m, high_m, rule.height, "high"),
@@ -320,7 +320,7 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
 
 
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    """Say where it is not known how fast a vehicle flies: its times and its energy are planned by that."""
+    """Check whether the parameters of a vehicle's speed, the basis of its times and energy, are known."""
     names = [tuning.parameter for tuning in dialect.tunings]
     asked = (*names, *list_other_names(dialect, names))
     if unread := facts.check_parameters_read(asked, "how it flies is", CheckCode.ENERGY):
@@ -333,7 +333,7 @@ def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
 
 
 def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
+    """Check a vehicle's terrain following: a warning if it makes the flight differ from the plan."""
     names, known = [rule.parameter for rule in dialect.terrain], facts.parameters
     asked = (*names, *list_other_names(dialect, names))
     if unread := facts.check_parameters_read(asked, "whether it follows the ground is", CheckCode.TERRAIN):
@@ -350,7 +350,7 @@ def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check
 
 
 def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None) -> list[Check]:
-    """Say whether pictures are taken that a vehicle's mission asks of its autopilot; nothing where it asks for none."""
+    """Check whether the autopilot takes the pictures its mission requires; empty if it requires none."""
     rule = dialect.shutter
     asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()
     if not asked & rule.triggers:
@@ -366,13 +366,13 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
 
 
 def estimate_flight(context: Context, path: FlightPath) -> Estimate:
-    """Return what a flight should take, with what is known of its vehicle's consumption."""
+    """Return the expected flight time and energy, with the vehicle's learned consumption."""
     factor = context.vehicles[path.vehicle].prior.factor
     return estimate(path, context.pricing.models[path.vehicle], consumption=factor)
 
 
 def check_energy(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
-    """Compare what the flight should take with what is in the battery."""
+    """Compare the flight's energy with the battery's charge."""
     setup = context.vehicles[name]
     if path is None:
         return checklist.SPARE.say(name, left_pct=remaining_pct)
@@ -386,10 +386,10 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
 
 
 def check_signing(connections: Mapping[str, Sequence[Connection]], *, signed: bool) -> Check:
-    """Say who may speak for the vehicles, and to them.
+    """Check who could send frames as the vehicles, or to them.
 
     Args:
-        connections: Of each vehicle, all of them.
+        connections: All connections of each vehicle.
         signed: Whether frames must be signed.
     """
     if signed:
@@ -403,7 +403,7 @@ def check_signing(connections: Mapping[str, Sequence[Connection]], *, signed: bo
 
 
 def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
-    """Compare the room on the disk with what the record of a flight takes."""
+    """Compare the free disk space with the size of the flight's record."""
     flown_s = sum(estimate(path, context.pricing.models[path.vehicle]).duration_s for path in paths.values())
     needed = RECORD_BYTES_S * flown_s
     line = checklist.DISK_FULL if free_bytes < SPARE_ROOM * needed else checklist.DISK
@@ -418,7 +418,7 @@ def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: 
 
 
 def parse_prearm_reason(text: str) -> str | None:
-    """Return the reason that a text gives; None if it is about something else.
+    """Return the reason in a text; None for another text.
 
     >>> parse_prearm_reason("PreArm: Compass not calibrated")
     'Compass not calibrated'
@@ -430,7 +430,7 @@ def parse_prearm_reason(text: str) -> str | None:
 
 
 def find_missing_before_takeoff(position: messages.Position | None, remaining_pct: float | None) -> str:
-    """Return what a vehicle must have said before it is asked to arm, in words; empty if nothing is missing."""
+    """Return in words what a vehicle must report before it may arm; empty if nothing is missing."""
     if position is None or (position.lat_deg == 0.0 and position.lon_deg == 0.0):
         return "no position"
     return "no battery state" if remaining_pct is None else ""
@@ -440,7 +440,7 @@ def describe_prearm_failure(reasons_s: Mapping[str, float], status: messages.Sys
     """Return why the pre-arm checks fail.
 
     Args:
-        reasons_s: What the vehicle said, and when last.
+        reasons_s: The vehicle's reasons, with their last times.
         status: Its last SYS_STATUS.
         now_s: The time.
     """
@@ -457,28 +457,28 @@ def describe_prearm_failure(reasons_s: Mapping[str, float], status: messages.Sys
 
 @dataclass(frozen=True, slots=True)
 class PackAtRest:
-    """How a pack stands at rest."""
+    """The condition of a pack at rest."""
 
     standing: PackCondition
     count: str
-    """Of how many cells, in words."""
+    """Number of cells, in words."""
     reads_volts: bool
-    """Whether its percentage is read off that voltage, and contradicts nothing."""
+    """Whether its percentage is derived from that voltage, so that they cannot disagree."""
 
     @property
     def doubtful(self) -> bool:
-        """Whether its percentage says more than its voltage allows."""
+        """Whether its percentage exceeds what its voltage allows."""
         return self.standing.doubtful and not self.reads_volts
 
     @property
     def held_pct(self) -> float:
-        """What it holds: what its voltage says where that contradicts its percentage."""
+        """Its charge: by voltage where that contradicts its percentage."""
         claimed_pct = self.standing.claimed_pct
         return min(claimed_pct, self.standing.held_pct) if self.doubtful else claimed_pct
 
 
 def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
-    """Return what a vehicle's parameters say of its pack."""
+    """Return the facts of a pack from a vehicle's parameters."""
     said = NO_FACTS
     for name in voltage.PARAMETERS:
         if name in parameters:
@@ -489,7 +489,7 @@ def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
 def assess_pack_at_rest(
     setup: VehicleSetup, claimed_pct: float, rest_v: float | None, cells: int | None, parameters: Mapping[str, float]
 ) -> PackAtRest | None:
-    """Return how a vehicle's pack, of which it tells so many cells apart, stands at rest; None without a voltage."""
+    """Return the condition of a vehicle's pack at rest, with the cells it reports; None without a voltage."""
     if rest_v is None:
         return None
     known = pack_facts_from_parameters(parameters).override_with(setup.pack)
@@ -502,7 +502,7 @@ def assess_pack_at_rest(
 
 
 def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
-    """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
+    """Compare the capacity it counts with to the plan's, and its rest voltage to its percentage."""
     names = context.vehicles[facts.name].dialect.pack_parameters
     if unread := facts.check_parameters_read(names, "what its pack is taken for is", CheckCode.PACK):
         return unread
@@ -525,7 +525,7 @@ def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
 
 
 def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
-    """Return what earlier flights said of a pack, to be put behind its name; empty where it has no label."""
+    """Return the results of a pack's earlier flights, to follow its name; empty without a label."""
     known = setup.history
     if known is None:
         return ""
