@@ -226,7 +226,7 @@ def _is_waiting_on_pad(context: Context, vehicle: VehicleState, event: StartEnde
 
 
 def resume_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Continue a start that an upload interrupted; every dialogue gives way to an upload."""
+    """Continue a start that an upload interrupted; uploads preempt every other dialogue."""
     if vehicle.sortie.took_off:
         return _begin_mission(state, vehicle, now_s)
     asks = not vehicle.armed and context.fly_again is not RelaunchPolicy.AUTO

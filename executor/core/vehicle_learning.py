@@ -145,7 +145,7 @@ def learn_from_leg(known: LearnedFactors, phase: Phase, flown_s: float, planned_
 
 
 def learn_from_energy(known: LearnedFactors, given_pct: float, modelled_pct: float, flown_s: float) -> LearnedFactors:
-    """Return the factors with a leg's consumption; a leg in which the battery was counted anew has none."""
+    """Return the factors with a leg's consumption; a leg in which the battery account was restarted has none."""
     if modelled_pct <= 0.0:
         return known
     return replace(

@@ -33,7 +33,7 @@ def is_idle(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 
 MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
-"""Faults after which a vehicle that reached its pad by its own failsafe may fly again, only on the crew's include."""
+"""Faults after which a vehicle that its failsafe brought back to its pad may fly again, only on the crew's include."""
 
 
 def find_open_segments(context: Context, state: FleetState) -> frozenset[int]:

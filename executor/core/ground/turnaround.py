@@ -43,7 +43,7 @@ from planner import segment_of
 READY_S = 90.0
 """Time for a vehicle to become ready after the swap: it boots, gets a fix and settles."""
 LATE_S = 30.0
-"""Further time after which its checks will not end any more."""
+"""Further time after which its checks count as failed."""
 PLACELESS_S = 10.0
 """Time without a position after which it may have rebooted: ArduPilot then sends only HEARTBEATs until requested."""
 

@@ -59,7 +59,7 @@ class AssetState(Enum):
     MISSED = "missed"
     """It was flown, and pictures are missing; it is flown again."""
     GIVEN_UP = "given_up"
-    """No vehicle flies it any more in this flight."""
+    """It is no longer flown in this flight."""
     LEFT_OVER = "left_over"
     """It is left for the next sortie."""
 
@@ -267,7 +267,7 @@ def _inspection_distances_m(context: Context, vehicle: VehicleState) -> Mapping[
 
 
 def record_passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
-    """Record pylons as flown once their last viewpoint is behind the vehicle, by its own report.
+    """Record pylons as flown once the vehicle reports an item past their last viewpoint.
 
     Of viewpoints passed without contact, one counts as left without a picture.
     """

@@ -57,7 +57,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class VehicleCommand:
-    """What is decided of one vehicle, and says nothing more than whom it is for."""
+    """A command to one vehicle without further parameters."""
 
     vehicle: str
 

@@ -165,7 +165,7 @@ class Found:
     heard: bool
     """Whether it was received since."""
     seq: int | None
-    """The current item by its own report; None if not reported."""
+    """The current item as reported by the vehicle; None if not reported."""
     items: int | None
     """Number of items on board; None if unreadable."""
     matches: tuple[Match, ...]
@@ -222,7 +222,7 @@ class Examined:
     reason: str
     """Why it is not ready."""
     remaining_pct: float | None = None
-    """By its own report, after the pack change was confirmed."""
+    """As reported by the vehicle, after the pack change was confirmed."""
     voltage_v: float | None = None
     """Voltage of its pack at rest."""
     cells: int | None = None

@@ -78,7 +78,7 @@ class SystemStatus:
     remaining_pct: float | None
     voltage_v: float | None
     unhealthy: int
-    """MAV_SYS_STATUS_SENSOR bits of what is enabled but not healthy."""
+    """MAV_SYS_STATUS_SENSOR bits of sensors enabled and not healthy."""
     prearm_ok: bool | None
     """MAV_SYS_STATUS_PREARM_CHECK, None where the vehicle does not report it."""
     current_a: float | None = None
@@ -258,8 +258,7 @@ class Radio:
 class OrderSeen:
     """A command to the vehicle by another ground station, or its acceptance.
 
-    COMMAND_ACK reveals a command whose sender is out of reception: a listener to the vehicle alone sees nothing else of
-    it.
+    COMMAND_ACK may be its only trace: a listener to the vehicle alone does not receive the command.
     """
 
     command: int

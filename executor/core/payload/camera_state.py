@@ -74,7 +74,7 @@ class CameraRecord:
     films: bool = False
     free_mib: float | None = None
     images: int | None = None
-    """Pictures taken by its own count."""
+    """Pictures taken, as counted by the camera."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -229,7 +229,7 @@ class Telemetry:
     doubted: tuple[messages.Heartbeat, float] | None = None
     """A HEARTBEAT that reported disarmed in flight, and its time; believed once the next one agrees."""
     item: tuple[int, int | None] | None = None
-    """The current mission item by its own report, and the total."""
+    """The current mission item as reported, and the total."""
     item_s: float | None = None
     """When it last reported it."""
     on_ground: bool | None = None
@@ -284,7 +284,7 @@ class MotionState:
 
     @property
     def stood_s(self) -> float:
-        """Time without advancing, by its own clock; 0 if unknown."""
+        """Time without advancing, by the vehicle's clock; 0 if unknown."""
         return 0.0 if self.fix is None or self.anchor is None else self.fix.boot_s - self.anchor.boot_s
 
 
@@ -584,6 +584,6 @@ class Custody:
     unseen_until_s: float | None = None
     """When a HEARTBEAT ended its last silence."""
     unseen_from_boot_s: float | None = None
-    """When it was last received before that, by its own clock."""
+    """When it was last received before that, by the vehicle's clock."""
     beat_boot_s: float | None = None
-    """Approximate time of its last HEARTBEAT, by its own clock."""
+    """Approximate time of its last HEARTBEAT, by the vehicle's clock."""

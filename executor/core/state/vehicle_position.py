@@ -157,7 +157,7 @@ def has_fallen(context: Scene, vehicle: VehicleState) -> bool:
 
 
 def has_used_kill_switch(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle disarmed through its kill switch, by its own report."""
+    """Return whether a vehicle reports that it disarmed through its kill switch."""
     text, said_s = vehicle.telemetry.alarm
     return is_kill_switch_text(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s
 

@@ -106,7 +106,7 @@ class FaultKind(Enum):
 
 
 class FaultCode(ReasonCode):
-    """What was found: finer than the kind, with its meaning."""
+    """The finding: finer than the kind, with its meaning."""
 
     LINK_LOST = "link_lost", "Nothing was received for the link time-out."
     HEARTBEAT_LOST = "heartbeat_lost", "No HEARTBEAT while other messages come."

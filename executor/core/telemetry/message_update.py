@@ -27,8 +27,8 @@ OVERTAKEN_S = 60.0
 """Step back in a position's time below which it was overtaken in transit; a larger one, or one after a silence, is a
 reboot."""
 CLOCK_LOSS_S = 5.0
-"""Gap lost by its own clock that is more than a slow link: a rebooted autopilot may already report a later time than
-before."""
+"""Loss of the vehicle's clock over a gap that is more than a slow link: a rebooted autopilot may already report a later
+time than before."""
 LONGEST_SILENCE_S = 600.0
 """Longest gap of its own clock over which consumption is modelled; in a longer one it may have landed and been
 charged."""

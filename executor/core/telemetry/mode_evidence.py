@@ -246,7 +246,7 @@ SAME_COMMAND_S = 0.8
 """Time within which a repeated command is the same one."""
 MAX_COMMANDS, MAX_SWITCH_MOVES = 24, 4
 COMMAND_AGE_S = 20.0
-"""Age at which a command explains nothing any more."""
+"""Age at which a command no longer explains a mode."""
 
 
 def record_evidence(known: ModeEvidence, message: EvidenceMessage, now_s: float) -> ModeEvidence:

@@ -415,7 +415,7 @@ def _is_newly_critical(vehicle: VehicleState, within_s: float) -> bool:
 def is_unseen_hold(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it was found holding after longer than a failsafe that only holds first would.
 
-    By its own clock: messages queued while the ground station paused arrive late.
+    By the vehicle's clock: messages queued while the ground station paused arrive late.
     """
     fix, from_s = vehicle.motion.fix, vehicle.custody.unseen_from_boot_s
     if not is_holding(context, vehicle) or not _is_unseen_change(vehicle):

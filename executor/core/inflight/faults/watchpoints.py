@@ -379,7 +379,7 @@ def check_fall(view: WatchView) -> Finding:
 
 
 def check_mission_mode(view: WatchView) -> Finding:
-    """Check for a mode set by its own failsafe."""
+    """Check for a mode set by the vehicle's failsafe."""
     state = view.state
     if state.mode is None:
         return STALE
@@ -494,7 +494,7 @@ def check_stall(view: WatchView) -> Finding:
         return OK  # on the operator's intent
     if view.setup.planned is False and not is_in_mission_mode(view):
         return OK  # flown by hand
-    # By its own clock: a simulator delayed by its computer stands still, and so does its time.
+    # By the vehicle's clock: a simulator delayed by its computer stands still, and so does its time.
     stood_s = state.motion.stood_s
     stalls = stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s)
     return speed.STALLS.format(stood_s=stood_s) if stalls else OK
