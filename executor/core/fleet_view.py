@@ -57,8 +57,7 @@ class PositionView(PlaceView):
 
     heading_deg: float | None = None
     known: str = "unsaid"
-    """fix: with GPS. reckoned: GPS is lost, and the autopilot dead-reckons. unsaid: the vehicle has not reported its
-    GPS."""
+    """fix: with GPS. reckoned: GPS is lost, dead-reckoned since. unsaid: the vehicle has not reported its GPS."""
     last_fix: PlaceView | None = None
     """For a dead-reckoned position, the last one with GPS: the place to begin a search."""
 
