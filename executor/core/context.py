@@ -1,4 +1,4 @@
-"""The constants of a flight: site, network and rules, as the decisions need them."""
+"""Hold the constants of a flight: site, network and rules, as the decisions need them."""
 
 from __future__ import annotations
 

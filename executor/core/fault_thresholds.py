@@ -1,4 +1,4 @@
-"""Thresholds of the watchpoints and warnings."""
+"""Define the thresholds of the watchpoints and warnings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reason codes beside the texts, for programs: how a dialogue failed, and the subject of a checklist line."""
+"""Define reason codes beside the texts, for programs: how a dialogue failed, and the subject of a checklist line."""
 
 from __future__ import annotations
 

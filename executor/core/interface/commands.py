@@ -1,4 +1,4 @@
-"""All commands that the core can issue."""
+"""Define all commands that the core can issue."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All events that the core can receive.
+"""Define all events that the core can receive.
 
 Each event is logged before it is applied; the same log through `fleet_step.step` gives the same commands.
 """

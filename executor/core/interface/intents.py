@@ -1,4 +1,4 @@
-"""The intents of an operator in flight, and their outcomes.
+"""Define the intents of an operator in flight, and their outcomes.
 
 An intent is executed once: a repeated id gets the outcome of the first.
 """

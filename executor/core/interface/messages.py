@@ -1,4 +1,4 @@
-"""Messages from and to vehicles in SI units; the codec converts them from and to MAVLink frames.
+"""Define the messages from and to vehicles, in SI units; the codec converts them from and to MAVLink frames.
 
 Unknown is ``None``, never zero: both autopilots send -1, -100, 65535 or 0 for values they do not have.
 """

@@ -1,4 +1,4 @@
-"""The ports through which runtime reaches the outside."""
+"""Define the ports through which runtime reaches the outside."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Clock(Protocol):
         """Seconds of the flight per real second."""
 
     def now_s(self) -> float:
-        """Seconds since the ground station started; never goes back."""
+        """Return the seconds since the ground station started; never goes back."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Recorded flights: the records that log readers yield, and counts of those they could not use."""
+"""Define what log readers yield of recorded flights, and count the records they could not use."""
 
 from __future__ import annotations
 

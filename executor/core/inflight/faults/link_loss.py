@@ -1,4 +1,4 @@
-"""Distinguish the silence of one vehicle, of all vehicles, and a pause of the ground station itself."""
+"""Distinguish the silence of one vehicle from that of all, and from a pause of the ground station itself."""
 
 from __future__ import annotations
 

@@ -34,25 +34,25 @@ class WarningRule:
 
 
 def describe_silence(view: WatchView) -> str:
-    """Nothing was received for a while."""
+    """Warn that nothing was received for a while."""
     heard_s = view.state.link.heard_s
     age_s = 0.0 if heard_s is None else view.now_s - heard_s
     return link.SILENT.format(age_s=age_s) if age_s >= view.context.limits.link_stale_s else ""
 
 
 def describe_missing_items(view: WatchView) -> str:
-    """Messages arrive, but none with the current mission item."""
+    """Warn that messages arrive without the current mission item."""
     return watch_view.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
 
 
 def describe_doubtful_disarm(view: WatchView) -> str:
-    """HEARTBEAT reports disarmed, and the positions contradict it."""
+    """Warn that HEARTBEAT reports disarmed while the positions contradict it."""
     doubted = view.state.telemetry.doubted is not None
     return link.DISARMED_IN_FLIGHT if doubted else ""
 
 
 def describe_frame_loss(view: WatchView) -> str:
-    """More frames are lost than usual."""
+    """Warn that more frames are lost than usual."""
     quality = view.state.link.quality
     if quality.lost is None or quality.worse < view.context.limits.loss_warn:
         return ""
@@ -60,7 +60,7 @@ def describe_frame_loss(view: WatchView) -> str:
 
 
 def describe_radio_trouble(view: WatchView) -> str:
-    """The radio reports a problem that `channel_watch` does not already report for all vehicles behind it."""
+    """Warn of a radio's complaint, unless `channel_watch` reports it for all vehicles behind it."""
     quality = view.state.link.quality
     if watch_view.is_radio_measured(view):
         return ""
@@ -68,7 +68,7 @@ def describe_radio_trouble(view: WatchView) -> str:
 
 
 def describe_low_battery(view: WatchView) -> str:
-    """The autopilot reports the battery low or unhealthy."""
+    """Warn that the autopilot reports the battery low or unhealthy."""
     if view.state.power.battery.charge_state == LOW:
         return battery.REPORTED_STATE.format(state=battery.LOW)
     sick = view.state.sensors.unhealthy & BATTERY_SENSOR
@@ -76,13 +76,13 @@ def describe_low_battery(view: WatchView) -> str:
 
 
 def describe_doubtful_pack(view: WatchView) -> str:
-    """The pack's resting voltage does not fit its percentage."""
+    """Warn that the pack's rest voltage does not fit its percentage."""
     found = assess_pack_in_flight(view)
     return battery.PACK.format(condition=found.words) if found is not None and found.doubtful else ""
 
 
 def describe_second_battery_fault(view: WatchView) -> str:
-    """The battery fails too, on the way home from another fault; the first reason stands."""
+    """Warn that the battery fails too while returning from another fault; the first reason stands."""
     fault = view.state.fault
     if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
         return ""
@@ -91,7 +91,7 @@ def describe_second_battery_fault(view: WatchView) -> str:
 
 
 def describe_reserve_risk(view: WatchView) -> str:
-    """The vehicle may land below the reserve."""
+    """Warn that the vehicle may land below the reserve."""
     leg = view.state.leg
     if view.setup.planned and (not view.state.armed or (leg is not None and leg.phase is Phase.LAND)):
         return ""  # landing: no action is left
@@ -106,7 +106,7 @@ GPS_LOSS_S = 2.0
 
 
 def gps_lost(view: WatchView) -> str:
-    """GPS is lost; the position is dead-reckoned, and its error grows."""
+    """Warn that GPS is lost; the position is dead-reckoned, and its error grows."""
     known = view.state.sensors.positioning
     if known.lost_s is None or (known.adrift_s is not None and view.now_s - known.lost_s < GPS_LOSS_S):
         return ""
@@ -114,7 +114,7 @@ def gps_lost(view: WatchView) -> str:
 
 
 def describe_stuck_return(view: WatchView) -> str:
-    """The vehicle should be returning, but hovers in place."""
+    """Warn that the vehicle should be returning, but hovers in place."""
     state, limits, fix, stood_s = view.state, view.context.limits, view.fresh_fix, view.state.motion.stood_s
     if state.stage is not Stage.RETURNING or fix is None or not state.armed:
         return ""
@@ -124,7 +124,7 @@ def describe_stuck_return(view: WatchView) -> str:
 
 
 def low(view: WatchView) -> str:
-    """The vehicle flies below its mission and does not climb."""
+    """Warn that the vehicle flies below its mission and does not climb."""
     state, limits = view.state, view.context.limits
     if not view.setup.planned or state.stage is not Stage.FLYING or view.fresh_fix is None:
         return ""
