@@ -120,7 +120,7 @@ class Scene:
         """Return a vehicle's performance and pace; here its autopilot's defaults."""
         return setup.dialect.performance, AS_MODELLED
 
-    def return_height_m(self, name: str) -> float:  # noqa: ARG002 - who has a plan knows it
+    def return_height_m(self, name: str) -> float:  # noqa: ARG002 - a context with a plan overrides it
         """Return the RTL height over the vehicle's own home; 0 if unknown."""
         return 0.0
 

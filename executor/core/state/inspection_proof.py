@@ -139,7 +139,7 @@ class RunStep:
     """Why a run ended before the other pylon."""
 
 
-def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
+def advance_run(  # noqa: PLR0911 - one return for each continuation or end of a run
     run: InspectionRun | None,
     track: Track,
     sample: PositionSample,
