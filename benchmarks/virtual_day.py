@@ -13,7 +13,7 @@ from benchmarks.virtual_flight import STEP_S, VirtualRun
 from executor.core.context import Context
 from executor.core.interface.events import Reopened
 from executor.core.state.fleet_state import FleetState
-from executor.flight.flight_recorder import NOTHING_LEFT, decode_body, encode_body
+from executor.flight.flight_recorder import InheritedRecord, decode_body, encode_body
 from executor.runtime.flight_loop import Flight
 from missions import DayPlanFile
 from simulator.fault_kinds import parse_fault
@@ -27,7 +27,7 @@ FALLS_FROM_M = 10.0
 
 def round_trip_state(state: FleetState) -> FleetState:
     """Return a state as it is once a checkpoint was made of it and read again."""
-    return decode_body(encode_body(state, NOTHING_LEFT))[0]
+    return decode_body(encode_body(state, InheritedRecord()))[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from executor.core.interface.intents import LONGEST_NAME, MOST_ASSETS, MOST_PACKS, PACK, Action, ActionName, Intent
+from executor.core.interface.intents import LONGEST_NAME, MAX_ASSETS, MAX_PACKS, PACK, Action, ActionName, Intent
 
 
 def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
@@ -21,7 +21,7 @@ def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody s
 
 _SCHEMA = {"anyOf": [{"type": "string", "minLength": 1, "maxLength": LONGEST_NAME}, {"type": "integer", "minimum": 0}]}
 Asset = Annotated[int | str, PlainValidator(_check_asset), WithJsonSchema(_SCHEMA)]
-NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_ASSETS)]
+NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MAX_ASSETS)]
 """At least one asset; an empty list does not mean all."""
 
 

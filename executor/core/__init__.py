@@ -1,1 +1,1 @@
-"""What to decide: plain functions over frozen data, time passed in. No I/O, no clock, no chance."""
+"""Decisions: plain functions over frozen data, time passed in; no I/O, clock or random numbers."""

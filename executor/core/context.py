@@ -1,4 +1,4 @@
-"""What does not change during a flight: the site, the network and the rules, as the decisions need them."""
+"""Hold the constants of a flight: site, network and rules, as the decisions need them."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from planner import Drone, pct_per_s, top_speed_m_s
 
 
 class RelaunchPolicy(Enum):
-    """Whether a vehicle on the ground takes off for a re-plan."""
+    """Whether vehicles on the ground take off for a re-plan."""
 
     ASK = "ask"
-    """When the crew has said that its pad is clear."""
+    """Once the crew has reported the pad clear."""
     NEVER = "never"
-    """Not one that has landed, unless the crew includes it."""
+    """Not after a landing, unless the crew includes the vehicle."""
     AUTO = "auto"
-    """By itself: for simulation."""
+    """Automatically, for simulation."""
 
 
 @dataclass(frozen=True, slots=True)
 class FenceRules:
-    """What the site says of fences and rally points."""
+    """The site's rules for fences and rally points."""
 
     enabled: bool
-    """Whether vehicles are given any; else what is on board is only looked at."""
+    """Whether to upload fences; otherwise those on board are only read."""
     margin_m: float
     height_margin_m: float
     action: str
-    """What a vehicle does at a breach: keep, warn, hold, return or land."""
+    """Action at a breach: keep, warn, hold, return or land."""
     rally: str
-    """Its rally points: keep those on board, or its own pad alone."""
+    """Rally points: keep those on board, or only the vehicle's own pad."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleSetup:
-    """What the site says of one vehicle."""
+    """The setup of one vehicle."""
 
     name: str
     sysid: int
@@ -56,80 +56,80 @@ class VehicleSetup:
     budget_pct: float
     reserve_pct: float
     link_timeout_s: float
-    """Silence until it is lost: at least the time in which its own failsafe acts."""
+    """Silence until it is declared lost: at least the time in which its own failsafe acts."""
     pad_m: tuple[float, float]
-    """Where it starts, local east and north: its home."""
+    """Its start, local east and north: its home."""
     failsafe_s: float | None = None
-    """Silence of ours after which it ends its mission by itself; None if it does not, or did not say so."""
+    """Silence of ours after which its failsafe ends the mission; None if it has none, or did not report it."""
     returns: bool = False
-    """Whether it then climbs to the height of its return, and comes home: nothing else leaves the line."""
+    """Whether that failsafe climbs to the RTL height and returns; no other one leaves the line."""
     holds_s: float = 0.0
-    """How long it holds before a failsafe of its own acts, if it said so."""
+    """Hold before its own failsafe acts, if reported."""
     planned: bool = True
-    """Whether its plan is known: without one neither where it lands nor how long it stays somewhere says anything."""
+    """Whether its plan is known; otherwise its landing place and its stops show nothing."""
     prior: Prior = NO_PRIOR
-    """What is believed of its consumption, relative to the energy model, before it has used anything."""
+    """Prior consumption relative to the energy model."""
     pack: PackFacts = NO_FACTS
-    """What the site file, and its earlier flights, say of its pack."""
+    """The pack's figures from the site file and earlier flights."""
     history: PackHistory | None = None
-    """The pack, where the site names it."""
+    """The history of the pack, where the site names it."""
     radio: RadioShare = ALONE
-    """What it has of the radio that it is behind."""
+    """Its share of its radio."""
     empty_pct: float = 0.0
-    """What its autopilot reports when its pack is empty, by its earlier flights; a part of `reserve_pct`."""
+    """Percentage reported with an empty pack, by its earlier flights; part of `reserve_pct`."""
     start: LearnedFactors = UNKNOWN
-    """What is known of its pace, relative to its model, before it has flown anything."""
+    """Its learned pace relative to its model, before this flight."""
     packs: Mapping[str, VehicleSetup] = field(default_factory=dict)
-    """The same vehicle with another pack that the site knows, by its label; by "" with one that nobody knows."""
+    """The same vehicle with each other pack of the site, by label; under "" with an unknown one."""
     day_pads_m: tuple[tuple[float, float], ...] = ()
     """Its pads at the bases of the day, where its sorties end at more than one."""
     rallies: bool = False
-    """Whether these are its rally points: its own RTL then ends on the nearest of them, else where it took off."""
+    """Whether these are its rally points: RTL then ends at the nearest, otherwise at its take-off place."""
 
     def pad_distance_m(self, place_m: tuple[float, float]) -> float:
-        """Return how far a place is from the nearest of its pads: it may land on each."""
+        """Return the distance of a place to the nearest of its pads; it may land on any."""
         return min(math.dist(place_m, pad_m) for pad_m in (self.pad_m, *self.day_pads_m))
 
     def with_pack(self, label: str) -> VehicleSetup:
-        """Return the setup for the pack that the crew has put in."""
+        """Return the setup with the pack that the crew has inserted."""
         return self.packs.get(label, self.packs.get("", self))
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What is needed to watch vehicles, ours or not, with a plan or without."""
+    """The figures needed to watch vehicles, of our flight or not, with or without a plan."""
 
     frame: LocalFrame
-    """Local metres about the depot."""
+    """Local metres around the depot."""
     vehicles: Mapping[str, VehicleSetup]
     limits: Limits
     drone: Drone
     draws_pct_s: tuple[float, ...]
-    """By `draws_pct_s` of the drone."""
+    """From the drone's `draws_pct_s`."""
     wind_m_s: tuple[float, float]
-    """Where the air moves to, east and north, as the site file says."""
+    """Wind velocity, east and north, from the site file."""
     corridor_m: float
     inspection_speed_m_s: float
 
     def draw_pct_per_s(self, east_m_s: float, north_m_s: float) -> float:
-        """Return what the energy model says a velocity over ground costs in the site's wind."""
+        """Return the modelled power draw at a ground velocity in the site's wind."""
         speed_m_s = math.hypot(east_m_s - self.wind_m_s[0], north_m_s - self.wind_m_s[1])
         return self.draws_pct_s[min(round(10 * speed_m_s), len(self.draws_pct_s) - 1)]
 
     def model_of(self, setup: VehicleSetup) -> tuple[Performance, Pace]:
-        """Return how a vehicle flies, as far as it is known: as its autopilot's defaults have it."""
+        """Return a vehicle's performance and pace; here its autopilot's defaults."""
         return setup.dialect.performance, AS_MODELLED
 
-    def return_height_m(self, name: str) -> float:  # noqa: ARG002 - who has a plan knows it
-        """Return the height over its own home that a vehicle climbs to before it comes home by itself; 0 is none."""
+    def return_height_m(self, name: str) -> float:  # noqa: ARG002 - a context with a plan overrides it
+        """Return the RTL height over the vehicle's own home; 0 if unknown."""
         return 0.0
 
 
 @cache
 def power_draw_table_pct_s(drone: Drone) -> tuple[float, ...]:
-    """Return what a second costs at 0, 0.1, 0.2 ... m/s, up to what the battery can give.
+    """Return the power draw at 0, 0.1, 0.2 ... m/s, up to the battery's limit.
 
-    Every position and every look at the battery asks for one; a step changes the figure by less than 1 %.
+    Every position and battery evaluation uses it; a step changes the figure by less than 1 %.
     """
     return tuple(pct_per_s(drone, step / 10) for step in range(round(10 * top_speed_m_s(drone)) + 1))
 
@@ -139,77 +139,77 @@ class PackRules:
     """The packs of a base."""
 
     count: int
-    """Charged in the morning."""
+    """Charged at the start of the day."""
     recharge_s: float | None = None
-    """From a landing until the pack is charged; None where packs are charged overnight alone."""
+    """Time from a landing until the pack is charged; None if packs are charged only overnight."""
 
 
 @dataclass(frozen=True, slots=True)
 class DayRules:
-    """What a day's plan says beside its sorties; all times count from the launch."""
+    """Rules of a day's plan beside its sorties; all times count from launch."""
 
     stagger_s: float
-    """The least time between two take-offs from a base."""
+    """Shortest time between two take-offs from a base."""
     bases: Mapping[str, str]
-    """Of each vehicle."""
+    """The base of each vehicle."""
     windows_s: Mapping[str, tuple[tuple[float, float], ...]]
-    """When each vehicle may fly."""
+    """Hours of each vehicle."""
     barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
-    """By the vehicle's name: the network's segments that its camera is not good for."""
+    """By vehicle: the segments its camera cannot inspect."""
     packs: Mapping[str, PackRules] = field(default_factory=dict)
-    """By the base's name; one that always has enough is not among them."""
+    """By base; without those that always have enough."""
     pads: Mapping[str, Mapping[str, Pad]] = field(default_factory=dict)
-    """By the vehicle's name and the base's, of the vehicles whose sorties do not all end where they begin."""
+    """By vehicle and base, for vehicles whose sorties do not all end where they begin."""
 
     @property
     def ends_s(self) -> float:
-        """When nobody may fly any more."""
+        """End of the last vehicle's hours."""
         return max((window[1] for own in self.windows_s.values() for window in own), default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Context(Scene):
-    """Everything that `fleet_step.step` may look at besides the state and the event."""
+    """All inputs of `fleet_step.step` besides the state and the event."""
 
     setup: FlightSetup
     pricing: Pricing
-    """Times and energies of all moves, with the pads as they really are."""
+    """Times and energies of all moves, with the measured pads."""
     wanted: frozenset[int]
-    """The network's segments that this flight is for: those of its first plan."""
+    """The segments of this flight: those of its first plan."""
     unreachable: tuple[Unreachable, ...]
-    """Those that were asked for as well, and no flight can inspect."""
+    """Requested segments that no flight can inspect."""
     fly_again: RelaunchPolicy
     pilot_grace_s: float
-    """How long the segments of a vehicle that its pilot has taken are kept for it."""
+    """Time for which the segments of a vehicle that its pilot has taken are reserved for it."""
     pilot_returns: bool
-    """Whether a vehicle that its pilot has put back on its mission is in the plan again at once."""
+    """Whether a vehicle that its pilot has returned to its mission rejoins the plan at once."""
     infers: bool
-    """Whether what nobody saw of a mission counts where everything that is known fits; else it is flown again."""
+    """Whether unobserved parts of a mission count if all evidence fits; otherwise they are flown again."""
     offer_s: float
-    """How long an offer to fly again stands once nobody flies any more."""
+    """Time for which an offer of another take-off is open once no vehicle is in the air."""
     horizon_s: float
-    """How long solving and uploading a re-plan may take, in the vehicles' time."""
+    """Time allowed for solving and uploading a re-plan, in the vehicles' time."""
     fencing: FenceRules | None = None
-    """None where the site says nothing of fences."""
+    """None if the site has no rules for fences."""
     camera_home: bool = True
-    """Whether a vehicle whose camera or gimbal fails comes home; else it goes on with what it can see."""
+    """Whether a vehicle returns when its camera or gimbal fails; otherwise it continues with what it can see."""
     day: DayRules | None = None
-    """Of a day of several sorties; None of a single flight."""
+    """The rules of a day of several sorties; None for a single flight."""
 
     @property
     def segments(self) -> int:
-        """How many segments were asked for, those that cannot be inspected among them."""
+        """Number of requested segments, those that cannot be inspected included."""
         return len(self.wanted) + len(self.unreachable)
 
     def segment_name(self, segment: int) -> str:
-        """Return a segment by the name of the asset, as people call it."""
+        """Return the name of a segment's asset."""
         return self.setup.network.segment_name(segment)
 
     def model_of(self, setup: VehicleSetup) -> tuple[Performance, Pace]:
-        """Return how a vehicle flies, by its own parameters and by its flights before."""
+        """Return a vehicle's performance and pace, by its parameters and earlier flights."""
         model = self.pricing.models[setup.name]
         return model.performance, model.pace
 
     def return_height_m(self, name: str) -> float:
-        """Return the height over its own home at which a vehicle must come home by itself, straight and level."""
+        """Return the RTL height over the vehicle's own home."""
         return self.setup.return_height_m(name)

@@ -1,7 +1,7 @@
-"""The flight: ``step(context, state, event, now_s) -> (state, commands)``.
+"""Step the flight: ``step(context, state, event, now_s) -> (state, commands)``.
 
-Everything that is decided about the fleet passes through here. Faults are levels, looked at on every tick; the log of
-events fed to `step` again gives the same commands.
+All decisions about the fleet are made here. Faults are levels, evaluated on every tick; the same log of events gives
+the same commands.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from executor.core.state.fleet_state import (
     OperatorLine,
     Question,
     Stepped,
+    step_each,
 )
 from executor.core.state.gps_loss import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
@@ -71,13 +72,13 @@ def build_initial_state(
     fences: Mapping[str, Fence] = MappingProxyType({}),
     ahead: Mapping[str, tuple[PlannedSortie, ...]] = MappingProxyType({}),
 ) -> FleetState:
-    """Return the state before the launch.
+    """Return the state before launch.
 
     Args:
-        boards: The missions that are, or are to be, on board.
+        boards: The missions on board, or to be uploaded.
         checks: The checklist.
-        fences: The fences that are, or are to be, on board.
-        ahead: Of a day, the sorties of each vehicle in their order, the one on board first.
+        fences: The fences on board, or to be uploaded.
+        ahead: On a day, the sorties of each vehicle in order, the one on board first.
     """
     vehicles = MappingProxyType(
         {
@@ -123,8 +124,11 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
             return turnaround.apply_examination(context, state, event, now_s)
         case events.MissionsWanted():
             return replan_cycle.apply_missions_wanted(context, state, event, now_s)
-        case events.LossJudged():
-            return _record_loss_judgement(state, event, now_s), ()
+        case events.LossJudged(vehicle, revision, uncovered):
+            if revision != state.replanning.revision:
+                return state, ()
+            outlook = {**state.replanning.outlook, vehicle: LossOutlook(now_s, uncovered)}
+            return state.with_replanning(outlook=MappingProxyType(outlook)), ()
         case events.IntentReceived(intent):
             return intent_handling.apply_intent(context, state, intent, now_s)
         case events.OrderEnded() | events.ReturnEnded():
@@ -133,35 +137,26 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
             return intent_handling.recall_fleet(context, state, now_s)
         case events.Reopened():
             return reconciliation.apply_reopening(state, event, now_s)
-        case events.Resumed() | events.MissionRead():
-            return _apply_mission_findings(context, state, event, now_s)
+        case events.MissionRead(found):
+            return launch.apply_mission_read(state, found, now_s)
+        case events.Resumed():
+            return _resume_fleet(context, state, event, now_s)
         case events.Asked(question, text, lines):
             asked = Question(question, text, lines)
             return state.with_crew(briefing=replace(state.crew.briefing, question=asked, answered="")), ()
 
 
-def _apply_mission_findings(
-    context: Context, state: FleetState, event: events.Resumed | events.MissionRead, now_s: float
-) -> Stepped:
-    if isinstance(event, events.MissionRead):
-        return launch.apply_mission_read(state, event.found, now_s)
-    taken = reconciliation.resume_fleet(context, state, event, now_s)
-    state, commands = taken.state, list(taken.commands)
-    for ended in taken.ended:
-        state, more = _dispatch_event(context, state, ended, now_s)
-        commands.extend(more)
-    for name, why in taken.strange:
+def _resume_fleet(context: Context, state: FleetState, event: events.Resumed, now_s: float) -> Stepped:
+
+    def declare_strange(state: FleetState, strange: tuple[str, str]) -> Stepped:
+        name, why = strange
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_FOREIGN)
-        state, more = declare_fault(context, state, state.vehicles[name], fault)
-        commands.extend(more)
-    return state, tuple(commands)
+        return declare_fault(context, state, state.vehicles[name], fault)
 
-
-def _record_loss_judgement(state: FleetState, event: events.LossJudged, now_s: float) -> FleetState:
-    if event.revision != state.replanning.revision:
-        return state
-    outlook = {**state.replanning.outlook, event.vehicle: LossOutlook(now_s, event.uncovered)}
-    return state.with_replanning(outlook=MappingProxyType(outlook))
+    taken = reconciliation.resume_fleet(context, state, event, now_s)
+    state, ended = step_each(taken.state, taken.ended, lambda state, one: _dispatch_event(context, state, one, now_s))
+    state, declared = step_each(state, taken.strange, declare_strange)
+    return state, (*taken.commands, *ended, *declared)
 
 
 def _apply_message(context: Context, state: FleetState, event: events.Heard, now_s: float) -> Stepped:
@@ -191,12 +186,12 @@ def _apply_message(context: Context, state: FleetState, event: events.Heard, now
         )
     state = asset_status.record_passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
-        # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
+        # An inferred start of the run no longer counts: the segment counts when all of it is observed.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
         state = state.with_coverage(inferred=state.coverage.inferred - broken)
     if isinstance(event.message, messages.Position):
         state = record_separation(context, state, folded.state, now_s)
-    # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
+    # Only a HEARTBEAT shows mode and arming; the last one is from before the silence.
     if isinstance(event.message, messages.Heartbeat):
         state, more = _apply_heartbeat(context, state, before, now_s)
         commands.extend(more)
@@ -204,19 +199,19 @@ def _apply_message(context: Context, state: FleetState, event: events.Heard, now
 
 
 FORWARD = "[forward]"
-"""Whom a line is about that is about the stations behind all vehicles."""
+"""Subject of a line about stations behind all vehicles."""
 
 
 def _announce_link_findings(
     state: FleetState, before: VehicleState, after: VehicleState, message: messages.Message, now_s: float
 ) -> list[Command]:
-    """Say who else is on its link and what they do, and that it has GPS again."""
+    """Report other systems on its link and their actions, and that GPS is regained."""
     known, now, said = before.link.strangers, after.link.strangers, list[Command]()
     if now is not known:
         behind = frozenset(filter(is_behind_forward, now))
         new = describe_new_foreign_systems(known, now - behind)
         said += [flight.FOUND.say(vehicle=after.name, found=found) for found in new]
-        # Of who is behind all vehicles it is said once.
+        # A station behind all vehicles is reported once.
         known = frozenset[ForeignSystem]().union(*(one.link.strangers for one in state.vehicles.values()))
         said += [flight.FOUND.say(vehicle=FORWARD, found=one) for one in describe_new_foreign_systems(known, behind)]
     if isinstance(message, messages.StationActed) and message.passed:
@@ -231,19 +226,19 @@ def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, 
     vehicle = state.vehicles[before.name]
     commands: tuple[Command, ...] = ()
     if vehicle.custody.cause is ModeCause.PERSON and before.custody.cause is not ModeCause.PERSON:
-        commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
+        commands = (HandsOff(vehicle.name),)  # in any case no more commands are sent to it
         if vehicle.stage is Stage.STARTING:
             state = state.put(vehicle.with_orders(start_let_go=True))
     if before.stage is Stage.LOST:
         state, more = _recover_lost_vehicle(context, state, vehicle, now_s)
-        if state.progress.finished:  # it is heard in the very moment in which the flight ended without it
+        if state.progress.finished:  # it is received at the moment the flight ended without it
             state = state.with_progress(finished=False)
         return state, (*commands, *more)
     return state, commands
 
 
 def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
+    """Keep a vehicle whose segments were reassigned from continuing them, in the air or on the ground."""
     name = vehicle.name
     if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
         state, more = withdrawal.apply_takeover(context, state, vehicle)
@@ -260,7 +255,7 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
     state = state.put(change_stage(vehicle, Stage.LANDED).with_orders(ordered_mode_s=now_s))
     if not homing.is_on_mission(context, vehicle):
         return state, (link.LOST_REGAINED_ON_GROUND.say(vehicle=name, then=""),)
-    # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
+    # Armed in this mode it would fly its old mission: neither autopilot takes off for an RTL.
     if vehicle.custody.taken is not None:
         line = link.LOST_REGAINED_ON_GROUND.with_level(Level.WARNING)
         return state, (line.say(vehicle=name, then=link.PILOT_HAS_IT),)
@@ -268,11 +263,7 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
 
 
 def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> Stepped:
-    commands: list[Command] = []
-    for name in state.vehicles:
-        state, more = _check_vehicle(context, state, name, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    return step_each(state, state.vehicles, lambda state, name: _check_vehicle(context, state, name, now_s))
 
 
 def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
@@ -311,7 +302,7 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     if taken_up is None:
         raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK]
         if not raised:
-            return state, tuple(commands)  # it has not said yet what it does
+            return state, tuple(commands)  # it has not reported its activity yet
     state, more = _decide_vehicle(context, state, vehicle, raised, now_s)
     commands.extend(more)
     state, more = _report_unproven_segment(context, state, name)
@@ -321,7 +312,7 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
 def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     context: Context, state: FleetState, vehicle: VehicleState, raised: list[tuple[Watchpoint, str]], now_s: float
 ) -> Stepped:
-    """One thing at a time, the most important first."""
+    """Decide one thing at a time, the most important first."""
     name = vehicle.name
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and mode_causes.is_taken_over(vehicle, now_s) and not lost:
@@ -332,10 +323,10 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if left_its_mission and mode_causes.is_gcs_absence_failsafe(context, state.listening.absences, vehicle, now_s):
         return _return_after_absence(context, state, vehicle, now_s)
     if vehicle.fault is not None:
-        # The first reason stands. A later one only changes where the vehicle is taken to be, and hides nothing.
-        raised = [
-            (point, why) for point, why in raised if point.kind is FaultKind.LINK or _is_down_off_pad(context, vehicle)
-        ]
+        # The first reason stands. A later one only changes where the vehicle counts as being, and hides nothing.
+        stopped = vehicle.sortie.armed_once and not vehicle.armed and not vehicle.orders.lands
+        is_down = stopped and not vehicle_position.is_over_pad(context, vehicle)
+        raised = [(point, why) for point, why in raised if is_down or point.kind is FaultKind.LINK]
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
@@ -345,13 +336,13 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
         return withdrawal.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
         return launch.monitor_start(context, state, vehicle, now_s)
-    if touchdown.has_landed(vehicle):
+    if vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}:
         return _apply_landing(context, state, vehicle, now_s)
     return homing.issue_homing_order(context, state, name, now_s)
 
 
 def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
+    """Take a disarmed vehicle as on the ground once it is seen at rest."""
     if not vehicle_position.is_resting_place_known(vehicle, now_s):
         return state, ()
     spare = survivors.build_pad_survivor(context, state, vehicle).budget_pct > 0.0
@@ -383,7 +374,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
 def _bring_home_flying_vehicle(
     context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float
 ) -> Stepped:
-    """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
+    """Return a vehicle that counted as on the ground and flies: its segments were reassigned."""
     position = vehicle_position.describe_last_position(context, vehicle, now_s)
     said = takeoff.FLIES_AGAIN.say(vehicle=vehicle.name, taken_for=taken_for, position=position)
     back = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
@@ -400,7 +391,7 @@ def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleSt
 
 
 def _report_unproven_segment(context: Context, state: FleetState, name: str) -> Stepped:
-    """Say that an inspection does not count once its vehicle has left the segment without proof."""
+    """Report that an inspection does not count, once its vehicle has left the segment."""
     vehicle, board = state.vehicles[name], state.vehicles[name].assignment.board
     if vehicle.assignment.owed is None or board is None:
         return state, ()
@@ -416,9 +407,9 @@ def _report_unproven_segment(context: Context, state: FleetState, name: str) -> 
 
 
 def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Let a vehicle come home whose own failsafe acted because we were not there: it is well, and may fly again.
+    """Return a vehicle whose failsafe acted on our absence: it is sound, and may fly again.
 
-    Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
+    Its mission is not resumed in the air: both autopilots drop the speed at a mode change (measured).
     """
     vehicle = change_stage(vehicle, Stage.RETURNING).with_assignment(run=None)
     vehicle = vehicle.with_motion(anchor=None).with_sortie(left_s=now_s)
@@ -437,12 +428,6 @@ def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fau
     place_told = vehicle.sortie.place_told and stage is Stage.LOST
     vehicle = change_stage(vehicle.with_orders(errand=None), stage).with_sortie(place_told=place_told)
     return state.put(vehicle), (line.say(vehicle=vehicle.name, reason=fault.reason, position=position),)
-
-
-def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
-    down = vehicle.sortie.armed_once and not vehicle.armed
-    return down and not vehicle.orders.lands and not vehicle_position.is_over_pad(context, vehicle)
 
 
 def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -467,12 +452,12 @@ def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) ->
 
 @dataclass(frozen=True, slots=True)
 class TickPhase:
-    """One part of what happens in each tick."""
+    """One part of a tick."""
 
     name: str
     act: Callable[[Context, FleetState, float], Stepped]
     why_here: str
-    """What it needs from the phases before it, and what those after it need from it."""
+    """What it needs from earlier phases, and what later ones need from it."""
 
 
 PHASES: tuple[TickPhase, ...] = (
@@ -553,13 +538,9 @@ PHASES: tuple[TickPhase, ...] = (
         "Last: the flight ends only if no phase has found anything more to fly, to plan or to ask.",
     ),
 )  # fmt: skip
-"""What happens in each tick, in this order."""
+"""The phases of a tick, in order."""
 
 
 def _apply_tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
     state = state.with_listening(late_s=late_s)
-    commands: list[Command] = []
-    for phase in PHASES:
-        state, more = phase.act(context, state, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    return step_each(state, PHASES, lambda state, phase: phase.act(context, state, now_s))

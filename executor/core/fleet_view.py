@@ -1,7 +1,4 @@
-"""The present, as plain values: the one description that the page and MQTT publish.
-
-Everything is made of frozen dataclasses of numbers, words and tuples; `dataclasses.asdict` makes JSON of it.
-"""
+"""Describe the present as plain values: the one description that the page and MQTT publish."""
 
 from __future__ import annotations
 
@@ -17,6 +14,7 @@ from executor.core.ground import pack_count, turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
 from executor.core.inflight import channel_watch
+from executor.core.inflight.custody.mode_causes import is_holding
 from executor.core.interface.codes import ChannelCode, Check
 from executor.core.interface.messages import Wind
 from executor.core.interface.ports import LinkView
@@ -25,7 +23,6 @@ from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs, radio_channel
 from executor.core.state.bases import is_at_closed_base, landing_base_of, place_vehicles
 from executor.core.state.fleet_state import FleetState, OperatorLine, Question
-from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_position import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
@@ -35,14 +32,14 @@ from missions.autopilots.dialect import mode_name
 SAID_LINES = 60
 INTENTS = 30
 MOVING_M_S = 0.5
-"""Faster than this the way over ground says where a vehicle without a compass heads."""
+"""Ground speed above which the course counts as heading for a vehicle without a compass."""
 WHOLE_PCT = 1.0 / math.sqrt(12.0)
-"""Standard deviation of a percentage that is reported rounded."""
+"""Standard deviation of a percentage reported in whole percent."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlaceView:
-    """A place of a vehicle, and how fast it was there."""
+    """A position of a vehicle, and its speed there."""
 
     lat_deg: float
     lon_deg: float
@@ -51,39 +48,39 @@ class PlaceView:
     ground_speed_m_s: float
     age_s: float
     accuracy_m: float | None = None
-    """By so much it may be off; a reckoned one by this or more."""
+    """Position error; a lower bound for a dead-reckoned position."""
 
 
 @dataclass(frozen=True, slots=True)
 class PositionView(PlaceView):
-    """Where a vehicle is."""
+    """The position of a vehicle."""
 
     heading_deg: float | None = None
     known: str = "unsaid"
-    """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
+    """fix: with GPS. reckoned: GPS is lost, dead-reckoned since. unsaid: the vehicle has not reported its GPS."""
     last_fix: PlaceView | None = None
-    """Of one that is reckoned: where it was by GPS last, and has flown on from. That is where to look for it."""
+    """For a dead-reckoned position, the last one with GPS: the place to begin a search."""
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryView:
-    """A battery, in percent of a full one. A band about a figure should hold what comes nine times of ten."""
+    """A battery, in percent of a full one. A band should contain the actual value nine times in ten."""
 
     measured_pct: float | None
     predicted_pct: float | None
-    """What the energy model says should be left now."""
+    """Modelled charge at present."""
     predicted_band_pct: float | None
     to_finish_pct: float
-    """What the mission on board still costs."""
+    """Energy still needed for the mission on board."""
     landing_pct: float | None
-    """What should be left at the landing, from what is measured."""
+    """Expected charge at landing, from measurements."""
     landing_band_pct: float | None
     reserve_pct: float
 
 
 @dataclass(frozen=True, slots=True)
 class ProgressView:
-    """How far a vehicle is on its route."""
+    """The progress of a vehicle on its route."""
 
     done: int
     """Segments of its route behind it."""
@@ -91,59 +88,59 @@ class ProgressView:
     segment: int | None = None
     """The segment that it inspects or flies to."""
     segment_name: str | None = None
-    """The same by the name of the asset."""
+    """The same by its asset's name."""
     phase: str | None = None
     """takeoff, transit, inspect, return or land."""
     segment_share: float | None = None
-    """How much of the segment is behind it, from 0 to 1."""
+    """Share of the segment behind it, from 0 to 1."""
     inspected: int = 0
-    """Segments that it has inspected, on this route and on earlier ones."""
+    """Segments it has inspected, on this route and earlier ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class LossView:
-    """What the loss of a vehicle would mean."""
+    """The effect of a vehicle's loss."""
 
     inside_window: bool
-    """Whether the others could still finish everything but what is left over anyway."""
+    """Whether the others could still finish all segments but those left over anyway."""
     uncovered: tuple[int, ...]
     """Segments that they could not."""
     age_s: float
-    """How long ago that was found."""
+    """Age of the result."""
     left_over: tuple[int, ...] = ()
-    """Segments that nobody inspects in any case: `uncovered` of the fleet."""
+    """Segments left over in any case: `uncovered` of the fleet."""
 
 
 @dataclass(frozen=True, slots=True)
 class TakenView:
-    """A vehicle in other hands than ours: it is not commanded from here."""
+    """A vehicle under another party's control: it is not commanded from here."""
 
     since_s: float
     """On the flight's clock."""
     kept_s: float
-    """How long its segments are still kept for it; 0 when they were given away."""
+    """Time for which its segments are still reserved for it; 0 once reassigned."""
     returned: bool
-    """Whether its pilot has put it back on its mission: it may be included."""
+    """Whether its pilot has returned it to its mission: it may be included."""
 
 
 @dataclass(frozen=True, slots=True)
 class TurnView:
-    """A vehicle on its base between two sorties, or on a later one."""
+    """A vehicle at its base between two sorties, or on a later one."""
 
     pack: str
-    """The id of the pack in it, as the crew said; empty if nobody did."""
+    """Id of its pack as entered by the crew; empty if none."""
     sortie: int
-    """The one under way, or the next, from 1."""
+    """The sortie under way, or the next, from 1."""
     awaited: bool
-    """Whether it waits for the crew's word that its pack is changed."""
+    """Whether it waits for the crew's report of a pack change."""
     text: str
-    """What it waits for, in words; empty if for nothing."""
+    """What it waits for, in words; empty for nothing."""
     base: str = ""
-    """Its base of the day; empty where the flight is no day of sorties."""
+    """Its base of the day; empty if the flight is no day of sorties."""
     base_closed: bool = False
-    """Whether nobody takes off from there."""
+    """Whether take-offs from there are closed."""
     packs: int | None = None
-    """How many charged packs are there; None where nobody counts them."""
+    """Charged packs there; None if they are not counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +156,7 @@ class VehicleView:
     layer: int
     """0 is the lowest."""
     layer_m: float
-    """How far its layer lies over the lowest one."""
+    """Height of its layer over the lowest one."""
     position: PositionView | None
     battery: BatteryView
     link_age_s: float | None
@@ -174,32 +171,32 @@ class VehicleView:
     fault_code: FaultCode | None
     excluded: bool
     loss: LossView | None
-    """None while it is not known, or where there is nothing to lose."""
+    """None while unknown, or where there is nothing to lose."""
     lands_in_s: float | None
-    """How long it should take until it is back on its pad; None where nobody knows."""
+    """Expected time until it is back on its pad; None if unknown."""
     gps_fix: int | None
     """GPS_FIX_TYPE."""
     satellites: int | None
     voltage_v: float | None
     wind: Wind | None
-    """As it measures it."""
+    """As the vehicle measures it."""
     taken: TakenView | None
-    """Who has it, if it is not flown from here."""
+    """The party that controls it, if not this flight."""
     offered: bool
-    """Whether it could take over work, and waits for the crew's word."""
+    """Whether it could take over segments, and waits for the crew's include."""
     turn: TurnView | None
     """None in a flight of one sortie."""
 
 
 @dataclass(frozen=True, slots=True)
 class OfferView:
-    """Vehicles on the ground that could take over work."""
+    """Vehicles on the ground that could take over segments."""
 
     vehicles: tuple[str, ...]
     segments: tuple[int, ...]
-    """What nobody has."""
+    """Segments without a vehicle."""
     text: str
-    """Whose pads must be clear, and for what."""
+    """The pads that must be clear, and the purpose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +212,7 @@ class ReplanView:
 
 @dataclass(frozen=True, slots=True)
 class IntentView:
-    """What an operator asked for, and what became of it."""
+    """An operator's intent and its outcome."""
 
     id: str
     action: str
@@ -225,27 +222,27 @@ class IntentView:
     text: str
     at_s: float
     question: str
-    """What has to be confirmed before it is done; empty if nothing has."""
+    """The question to confirm first; empty if there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class RadioView:
-    """A telemetry radio, as it was measured in the last seconds with all vehicles behind it."""
+    """A telemetry radio, as measured in the last seconds with all vehicles behind it."""
 
     vehicles: tuple[str, ...]
     state: str
     """fine, congested or weak."""
     code: ChannelCode | None
-    """Why; None if it is fine."""
+    """The reason; None if it is fine."""
     text: str
-    """What it carries of what it can, its round trip and its losses, in words."""
+    """Load and capacity, round trip and losses, in words."""
     bytes_s: float
     capacity_bytes_s: float
     round_trip_s: float | None
     lost: float | None
-    """Share of frames; None while they are few."""
+    """Share of frames lost; None while there are too few."""
     positions_hz: float
-    """How often its vehicles are asked to say where they are."""
+    """Requested position rate of its vehicles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,40 +252,40 @@ class FleetView:
     now_s: float
     """The flight's clock."""
     flight_s: float | None
-    """Since the launch."""
+    """Since launch."""
     revision: int
     segments_total: int
     inspected: tuple[int, ...]
     uncovered: tuple[int, ...]
-    """Segments that nobody inspects in this flight: left for the next sortie by the plan, or given up since."""
+    """Segments not inspected in this flight: left over by the plan, or given up since."""
     missed: tuple[int, ...]
-    """Segments that were flown but not seen: pictures of them are missing."""
+    """Segments flown but not seen: pictures are missing."""
     replan: ReplanView | None
     all_silent: bool
-    """Whether nobody at all is heard."""
+    """Whether no vehicle is received."""
     recalled: bool
     finished: bool
     min_separation_m: float | None
     vehicles: tuple[VehicleView, ...]
     said: tuple[OperatorLine, ...]
-    """The last decisions, the oldest first."""
+    """The last decisions, oldest first."""
     intents: tuple[IntentView, ...]
-    """The last ones, the oldest first."""
+    """The last ones, oldest first."""
     checks: tuple[Check, ...]
-    """The checklist, in the order in which a crew reads it."""
+    """The checklist, in the crew's reading order."""
     question: Question | None
-    """What the crew is asked now, before the flight."""
+    """The open question to the crew before the flight."""
     offer: OfferView | None
     radios: tuple[RadioView, ...] = ()
-    """Of vehicles behind telemetry radios, once it is counted what these carry."""
+    """For vehicles behind telemetry radios, once their load is measured."""
 
 
 LinksNow = Callable[[str], tuple[LinkView, ...]]
-"""Returns the links of a vehicle that has several; asked from another thread."""
+"""Returns the links of a vehicle that has several; called from another thread."""
 
 
 def build_fleet_view(context: Context, state: FleetState, now_s: float, links: LinksNow = lambda _: ()) -> FleetView:
-    """Return the flight as it is known at `now_s`."""
+    """Return the flight as known at `now_s`."""
     context = place_vehicles(context, state.vehicles.values())
     plan = state.replanning.replan
     by = Counter(state.coverage.inspected.values())
@@ -360,6 +357,7 @@ def _build_vehicle_view(
     outlook = state.replanning.outlook.get(vehicle.name)
     known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
     lost = vehicle.link.quality.lost
+    board = vehicle.assignment.board if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is None else None
     return VehicleView(
         name=vehicle.name,
         sysid=setup.sysid,
@@ -382,7 +380,7 @@ def _build_vehicle_view(
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1), _list_uncovered(state))
         if known and outlook is not None
         else None,
-        lands_in_s=_time_to_landing_s(vehicle),
+        lands_in_s=None if board is None else round(legs.time_to_reach_s(vehicle, len(board.legs) - 1), 0),
         gps_fix=None if vehicle.sensors.gps is None else vehicle.sensors.gps.fix,
         satellites=None if vehicle.sensors.gps is None else vehicle.sensors.gps.satellites,
         voltage_v=vehicle.power.volts.voltage_v,
@@ -410,12 +408,6 @@ def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState,
     return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed, packs)
 
 
-def _time_to_landing_s(vehicle: VehicleState) -> float | None:
-    if vehicle.assignment.board is None or vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is not None:
-        return None
-    return round(legs.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1), 0)
-
-
 def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
     hold = vehicle.custody.taken
     if hold is None:
@@ -425,9 +417,8 @@ def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> 
 
 
 def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
-    """Return what a vehicle does, in one word; it holds once it says so itself."""
-    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and vehicle.mode == hold:
+    """Return a vehicle's activity in one word; holding once its HEARTBEAT shows it."""
+    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and is_holding(context, vehicle):
         return "holding"
     if vehicle.stage is Stage.RETURNING and vehicle.orders.lands:
         return "landing"
@@ -435,7 +426,7 @@ def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
 
 
 def position_view(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
-    """Return where a vehicle is, and how that is known; None where nobody knows."""
+    """Return a vehicle's position and its source; None if unknown."""
     fix, how = vehicle.motion.fix, accuracy_of(vehicle)
     if fix is None or how is None:
         return None
@@ -456,7 +447,7 @@ def position_view(context: Context, vehicle: VehicleState, now_s: float) -> Posi
 def _list_place(
     context: Context, fix: PositionFix, off_m: float | None, now_s: float
 ) -> tuple[float, float, float, float, float]:
-    """Return latitude, longitude, height, speed over ground and age of a position, as far as they are worth showing."""
+    """Return latitude, longitude, height, ground speed and age of a position, as displayed."""
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
     decimals, speed_m_s = formatting.place_decimals(off_m), math.hypot(*fix.velocity_m_s[:2])
     place = round(lat_deg, decimals), round(lon_deg, decimals), round(fix.alt_rel_m, 1)
@@ -467,7 +458,7 @@ def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
     setup = current_setup_of(context, vehicle)
     ahead = legs.project_landing(context, vehicle, setup) if vehicle.airborne else None
     predicted_pct = band_pct = None
-    # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
+    # Before launch the core receives no battery reports; the first one dates from the first seconds after.
     began_pct = vehicle.power.battery.first_pct if vehicle.power.began_pct is None else vehicle.power.began_pct
     board = vehicle.assignment.board
     if board is not None and began_pct is not None and vehicle.airborne:
@@ -487,7 +478,7 @@ def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
 
 
 def _energy_to_finish_pct(context: Context, vehicle: VehicleState) -> float:
-    """Return what is still to be spent: on the mission, or on the way home."""
+    """Return the energy still needed for the mission, or for the RTL."""
     if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
         return legs.energy_to_finish_pct(vehicle) if vehicle.airborne else 0.0
     if vehicle.stage is not Stage.RETURNING:
@@ -509,11 +500,7 @@ def _build_progress_view(context: Context, vehicle: VehicleState) -> ProgressVie
     if leg is None or leg.visit is None:
         return ProgressView(done, total, phase=None if leg is None else leg.phase.value)
     track = board.tracks[leg.visit]
-    share = _segment_share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0
+    share, fix = 0.0, vehicle.motion.fix
+    if leg.phase is Phase.INSPECT and fix is not None and track.length_m > 0.0:
+        share = round(min(1.0, max(0.0, track.locate(fix.place_m)[0] / track.length_m)), 3)
     return ProgressView(done, total, track.segment, context.segment_name(track.segment), leg.phase.value, share)
-
-
-def _segment_share(track: Track, vehicle: VehicleState) -> float:
-    if vehicle.motion.fix is None or track.length_m <= 0.0:
-        return 0.0
-    return round(min(1.0, max(0.0, track.locate(vehicle.motion.fix.place_m)[0] / track.length_m)), 3)

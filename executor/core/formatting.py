@@ -1,4 +1,4 @@
-"""How times, positions and texts of others are shown: the same in the terminal, on the page, in the report."""
+"""Format times, positions and foreign texts alike for the terminal, the page and the report."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import shlex
 import unicodedata
 from collections.abc import Iterable, Sequence
 
-UNSHOWN = "\N{REPLACEMENT CHARACTER}"
-"""What stands for a character that would move the cursor, colour the line or turn its direction."""
+REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
+"""Stands for a character that would move the cursor, colour the line or change its direction."""
 _STATES = {"ground": "on the ground", "pilot": "with its pilot", "down": "down: keep away"}
 _FIXES = {0: "no GPS", 1: "no fix", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float", 6: "RTK"}
-TENS_M = 11.0
-"""What the fourth decimal of a degree of latitude stands for."""
-MINUTES_S = 120.0
-"""From here on an age is said in minutes."""
-_UNSHOWN_KINDS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+FOURTH_DECIMAL_M = 11.0
+"""Metres in the fourth decimal of a degree of latitude."""
+MINUTES_FROM_S = 120.0
+"""Age from which it is given in minutes."""
+_CONTROL_CATEGORIES = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
 def format_count(number: int, thing: str) -> str:
-    """Return how many there are of something.
+    """Return a count with its noun.
 
     >>> format_count(1, "segment"), format_count(0, "segment")
     ('1 segment', '0 segments')
@@ -27,7 +27,7 @@ def format_count(number: int, thing: str) -> str:
 
 
 def describe_unreachable(named: Iterable[tuple[str, str]], most: int) -> list[str]:
-    """Return which segments cannot be inspected, a line for each reason, from their names and why that is so.
+    """Return the segments that cannot be inspected, one line per reason, from their names and reasons.
 
     >>> describe_unreachable([("A1", "lies in area 'park'"), ("A2", "lies in area 'park'")], most=1)
     ["not reachable, lies in area 'park': A1, and 1 more"]
@@ -39,13 +39,13 @@ def describe_unreachable(named: Iterable[tuple[str, str]], most: int) -> list[st
 
 
 def join_first_names(names: Sequence[str], most: int) -> str:
-    """Return names in a row; of many the first, and how many more there are."""
+    """Return names in a row; of many the first ones, and the number of the others."""
     shown_names = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
     return ", ".join(shown_names)
 
 
 def command_line(*parts: object) -> str:
-    """Return a command of this program as a shell takes it: a path with a space is one argument.
+    """Return a command of this program quoted for a shell: a path with a space is one argument.
 
     >>> command_line("restore", "r A"), command_line("plan", "site.toml")
     ("faultline restore 'r A'", 'faultline plan site.toml')
@@ -54,7 +54,7 @@ def command_line(*parts: object) -> str:
 
 
 def format_duration(seconds: float) -> str:
-    """Return a time as minutes and seconds, with hours where there are some; a part of a second does not count.
+    """Return a time in minutes and seconds, and hours if any; fractions of a second are dropped.
 
     >>> format_duration(7.9), format_duration(754.2), format_duration(3725), format_duration(-3)
     ('0:07', '12:34', '1:02:05', '0:00')
@@ -66,7 +66,7 @@ def format_duration(seconds: float) -> str:
 
 
 def format_flight_time(seconds: float | None) -> str:
-    """Return a time since the order to take off; nothing for what was before it.
+    """Return a time since the take-off command; empty before it.
 
     >>> format_flight_time(754.2), format_flight_time(None)
     ('T+12:34', '')
@@ -75,18 +75,18 @@ def format_flight_time(seconds: float | None) -> str:
 
 
 def place_decimals(accuracy_m: float | None) -> int:
-    """Return how many decimals of a degree a place carries: the sixth is a decimetre, the fifth a metre.
+    """Return the number of decimals of a degree that an accuracy supports: the sixth is a decimetre, the fifth a metre.
 
     >>> place_decimals(0.02), place_decimals(None), place_decimals(3.0), place_decimals(40.0), place_decimals(441.0)
     (6, 5, 5, 4, 3)
     """
-    if accuracy_m is None or 1.0 <= accuracy_m < TENS_M:
+    if accuracy_m is None or 1.0 <= accuracy_m < FOURTH_DECIMAL_M:
         return 5
-    return 6 if accuracy_m < 1.0 else 4 if accuracy_m < 10 * TENS_M else 3
+    return 6 if accuracy_m < 1.0 else 4 if accuracy_m < 10 * FOURTH_DECIMAL_M else 3
 
 
 def format_lat_lon(lat_deg: float, lon_deg: float, accuracy_m: float | None = None) -> str:
-    """Return coordinates as people read them out and type them in, to what their accuracy carries.
+    """Return coordinates as people read and type them, with the decimals that their accuracy supports.
 
     >>> format_lat_lon(49.5984123, -15.6), format_lat_lon(49.5984123, -15.6, 0.3)
     ('49.59841, -15.60000', '49.598412, -15.600000')
@@ -96,7 +96,7 @@ def format_lat_lon(lat_deg: float, lon_deg: float, accuracy_m: float | None = No
 
 
 def format_known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: float | None) -> str:
-    """Return coordinates with how they are known, as `PositionView.known` has it.
+    """Return coordinates with their source and accuracy; `known` is that of `PositionView.known`.
 
     >>> format_known_place(49.5984123, -15.6, "fix", 3.0), format_known_place(49.6, -15.6, "reckoned", 441.0)
     ('49.59841, -15.60000 (GPS, 3 m)', '49.600, -15.600 (reckoned without GPS, off by 441 m or more)')
@@ -115,23 +115,23 @@ def format_age(seconds: float) -> str:
     >>> ago(4.2), ago(754.2)
     ('4 s ago', '12:34 min ago')
     """
-    return f"{seconds:.0f} s ago" if seconds < MINUTES_S else f"{format_duration(seconds)} min ago"
+    return f"{seconds:.0f} s ago" if seconds < MINUTES_FROM_S else f"{format_duration(seconds)} min ago"
 
 
 def escape_controls(text: str) -> str:
     r"""Return a text without what a terminal would obey: vehicles and files may say anything.
 
-    >>> escape_controls("crash \x1b[2J of\tuav1\n") == f"crash {UNSHOWN}[2J of uav1"
+    >>> escape_controls("crash \x1b[2J of\tuav1\n") == f"crash {REPLACEMENT}[2J of uav1"
     True
     """
     if text.isprintable():
         return text
     words = " ".join(text.split())
-    return "".join(UNSHOWN if unicodedata.category(one) in _UNSHOWN_KINDS else one for one in words)
+    return "".join(REPLACEMENT if unicodedata.category(one) in _CONTROL_CATEGORIES else one for one in words)
 
 
 def format_state_word(word: str) -> str:
-    """Return what a vehicle does, as `VehicleView.state` has it, for people.
+    """Return a vehicle's state, as in `VehicleView.state`, for people.
 
     >>> format_state_word("flying"), format_state_word("pilot")
     ('flying', 'with its pilot')

@@ -1,8 +1,8 @@
-"""From the crew's yes until a vehicle flies its mission, and how a new one came on board: in flight, or on a base.
+"""Start vehicles after the crew's confirmation, and handle the results of mission uploads, in flight or at a base.
 
-A vehicle that was busy, or did not answer, may take a new mission later. Until then its part is planned for other
-vehicles. What it carries is read first: that shows that it answers, and an upload whose end nobody heard may be on
-board after all. It is read, too, before one is believed that says that it was given a mission, and not from here.
+A vehicle that was busy or did not answer may get a new mission later; until then its part is planned for others. Its
+mission is read back first: that shows that it answers, and an upload without a known end may be on board after all. A
+report of an upload that was not ours is read back as well before it is believed.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from executor.core.replanning import survivors
 from executor.core.replanning.replan_cycle import end_replan_if_done, format_segments, has_left_mission
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state import legs
-from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
-from executor.core.state.mission_ownership import SURE_S, MissionOwnership, apply_mission_readback
+from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped, step_each
+from executor.core.state.mission_ownership import AGREEMENT_S, MissionOwnership, apply_mission_readback
 from executor.core.state.vehicle_parts import DeclinedMission, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position, is_kill_switch_text
 from executor.core.state.vehicle_state import (
@@ -39,31 +39,32 @@ from executor.core.state.vehicle_state import (
     build_onboard_mission,
     change_stage,
 )
-from executor.core.telemetry.message_update import FELL_BACK_S
+from executor.core.telemetry.message_update import CLOCK_LOSS_S
 from missions import StartStep
 from planner import segment_of
 
 RETRIES = 3
-"""How often a start that failed is tried again."""
+"""Attempts to repeat a failed start."""
 START_WINDOW_S = 45.0
-"""So long after the crew's yes a start is begun again: each tries to arm for half a minute, and later somebody may be
-at the pad."""
+"""Time after the crew's confirmation in which a start is repeated; each attempt tries to arm for half a minute, and
+later a person may be at the pad."""
 HEARD_LATELY_S = 15.0
-"""Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
+"""Age of the last message at the crew's confirmation that still shows a link; newer ones queue while the question is
+open."""
 OFFERS = 3
-"""How often in a row a new mission is offered: who takes none of them is planned around for the rest of the flight."""
+"""Consecutive offers of a new mission, after which the plan works around the vehicle for the rest of the flight."""
 AGAIN_S = 10.0
-"""Before it is offered the next one: an upload has its own patience, and its part is being planned for others."""
+"""Wait before the next offer; an upload has its own retries, and the vehicle's part is being planned for others."""
 LATER = frozenset({
     Ending.NO_ANSWER, Ending.ERROR, Ending.OTHER_STATION, Ending.CANCELLED, Ending.BROKEN_OFF, Ending.LEFT_MISSION,
 })  # fmt: skip
-"""Ends of an upload after which the next may end well; a plain refusal does not become another answer by waiting."""
+"""Results of an upload after which another attempt may succeed; a plain refusal does not change with time."""
 _MAY_BE_ON_BOARD = LATER | {Ending.READ_BACK_DIFFERS}
-"""Ends of an upload after which a vehicle may carry the new mission all the same."""
+"""Results of an upload after which the new mission may be on board all the same."""
 
 
 def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Start everybody who has something to fly: the crew has said yes."""
+    """Start all vehicles with a mission, after the crew's confirmation."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
         if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
@@ -78,7 +79,7 @@ def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
         if vehicle.sortie.rebooted_s is not None:
             commands.append(takeoff.REBOOTED.say(vehicle=vehicle.name, why=takeoff.HAS_REBOOTED))
             continue
-        # Of a day one after the other, each when its base has a slot for it; and not who was armed by somebody else.
+        # On a day one after the other, each in its base's slot; and never one that others have armed.
         if context.day is not None or vehicle.armed:
             continue
         begun |= own
@@ -95,7 +96,7 @@ def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 
 def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
-    """Return a vehicle that was told to start, and the order."""
+    """Return the state with a vehicle commanded to start, and the command."""
     dialect = context.vehicles[vehicle.name].dialect
     modes_on_the_way = {dialect.modes.mission.custom_mode}
     if StartStep.GUIDED in dialect.start:
@@ -114,9 +115,9 @@ def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_
 
 
 def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Start a vehicle that stood on its base for a while: at once if it says where it is, else once it does.
+    """Start a vehicle that was on its base: at once if it reports a position, else once it does.
 
-    Who is without a position may have rebooted, without what was set on it, and with another pack.
+    A vehicle without a position may have rebooted, lost its settings and got another pack.
     """
     placed, anew = has_fresh_position(context, vehicle, now_s), _describe_reboot(vehicle)
     state, order = order_start(context, state, vehicle, now_s)
@@ -128,7 +129,7 @@ def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, 
 
 
 def apply_start_result(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
-    """Take up how a start ended: it flies, it is tried again, or it is lost at its pad."""
+    """Apply the result of a start: the vehicle flies, starts again, or is at fault on its pad."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.stage is not Stage.STARTING:
         return state, ()
@@ -147,7 +148,7 @@ def apply_start_result(context: Context, state: FleetState, event: StartEnded, n
         said = takeoff.TRIED_AGAIN.say(vehicle=vehicle.name, reason=event.reason)
         return state.put(vehicle), (said, Start(vehicle.name))
     if event.armed and not vehicle.armed and not has_fresh_heartbeat(context, vehicle, now_s):
-        # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
+        # It acknowledged arming, then went silent: it may be there with its motors on.
         why = event.reason + takeoff.UNHEARD_SINCE
         return declare_fault(context, state, vehicle, _build_start_fault(why, now_s, FaultKind.LINK))
     why = event.reason + (takeoff.DISARMED_SINCE if stopped else "")
@@ -159,14 +160,14 @@ def _build_start_fault(why: str, now_s: float, kind: FaultKind = FaultKind.INTER
 
 
 def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Look at a vehicle that starts: it may have disarmed again, and nobody may pursue its start any more."""
+    """Check a starting vehicle: it may have disarmed, and its start may no longer be followed up."""
     beat_s, released = vehicle.link.heartbeat_s, vehicle.orders.start_let_go
-    # Two HEARTBEATs say so: one may be another's.
+    # Two HEARTBEATs confirm it: one may be another vehicle's.
     stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
     if stopped and (released or context.fly_again is not RelaunchPolicy.AUTO):
         why = takeoff.MODE_CHANGED if released else takeoff.ARMED_THEN_DISARMED
         state, more = declare_fault(context, state, vehicle, _build_start_fault(why, now_s))
-        return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
+        return state, (HandsOff(vehicle.name), *more)  # its start procedure would arm it again
     flies = released and vehicle.sortie.took_off and vehicle.custody.cause is ModeCause.OURS
     return _begin_mission(state, vehicle, now_s) if flies and is_on_mission(context, vehicle) else (state, ())
 
@@ -177,57 +178,55 @@ def _begin_mission(state: FleetState, vehicle: VehicleState, now_s: float) -> St
 
 
 def _is_clearance_fresh(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether the crew's yes is of now: later somebody may be at the pad of a vehicle that does not start."""
+    """Return whether the crew's confirmation is recent: later a person may be at the vehicle's pad."""
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     return now_s - asked_s < START_WINDOW_S
 
 
 def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Try starts again that wait for a position: who is silent for a while may have rebooted, with another pack."""
-    commands: list[Command] = []
-    for vehicle in tuple(state.vehicles.values()):
+    """Repeat starts that wait for a position; a vehicle long silent may have rebooted with another pack."""
+
+    def retry(state: FleetState, vehicle: VehicleState) -> Stepped:
         owed_s = vehicle.orders.start_owed_s
         if owed_s is None:
-            continue
+            return state, ()
         why, fix = _describe_reboot(vehicle), vehicle.motion.fix
         if not why and now_s - owed_s > PLACELESS_S:
             why = takeoff.PLACELESS.format(placeless_s=PLACELESS_S)
         starts = vehicle.stage is Stage.STARTING
         if starts and not why and (fix is None or fix.at_s <= owed_s):
-            continue
+            return state, ()
         paid = vehicle.with_orders(start_owed_s=None, ordered_mode_s=now_s)
-        state = state.put(paid)
         if starts and why:
-            state, more = declare_fault(context, state, paid, _build_start_fault(why, now_s))
-            commands.extend(more)
-        elif starts:
-            commands.append(Start(vehicle.name))
-    return state, tuple(commands)
+            return declare_fault(context, state.put(paid), paid, _build_start_fault(why, now_s))
+        return state.put(paid), (Start(vehicle.name),) if starts else ()
+
+    return step_each(state, tuple(state.vehicles.values()), retry)
 
 
 def _describe_reboot(vehicle: VehicleState) -> str:
-    """Return why an autopilot is not the one any more that was checked, or included; empty if it is."""
+    """Return why an autopilot is no longer the one that was checked or included; empty if it is."""
     cleared_s = vehicle.orders.cleared_s or -math.inf
     if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
         return takeoff.HAS_REBOOTED
-    if vehicle.motion.behind_s >= FELL_BACK_S and vehicle.motion.fell_back_s > cleared_s:
+    if vehicle.motion.behind_s >= CLOCK_LOSS_S and vehicle.motion.fell_back_s > cleared_s:
         return takeoff.CLOCK_FELL_BACK
     return ""
 
 
 def _is_waiting_on_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
-    """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
+    """Return whether a vehicle whose start failed is certain to be on its pad still, under our control."""
     if not (vehicle.sortie.armed_once or event.armed):
         return True
     if not has_fresh_heartbeat(context, vehicle, now_s) or not has_fresh_position(context, vehicle, now_s):
-        return False  # it may have taken off, or its autopilot may have started anew
+        return False  # it may have taken off, or its autopilot rebooted
     return (
         not vehicle.sortie.took_off and not is_coming_home(context, vehicle) and vehicle.custody.cause is ModeCause.OURS
     )
 
 
 def resume_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
+    """Continue a start that an upload interrupted; uploads preempt every other dialogue."""
     if vehicle.sortie.took_off:
         return _begin_mission(state, vehicle, now_s)
     asks = not vehicle.armed and context.fly_again is not RelaunchPolicy.AUTO
@@ -239,7 +238,7 @@ def resume_start(context: Context, state: FleetState, vehicle: VehicleState, now
 
 
 def apply_upload_result(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
-    """Take how the upload of a re-plan's mission, or of a sortie, came to its end."""
+    """Apply the result of an upload for a re-plan, or of a sortie."""
     vehicle = state.vehicles[event.vehicle]
     plan = state.replanning.replan
     if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
@@ -288,7 +287,7 @@ def _apply_failed_upload(
 ) -> Stepped:
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
     if has_left_mission(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
-        # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
+        # No contact, or it has left its mission meanwhile: not its refusal.
         state = state.put(vehicle)
         return state if sortie else state.want_replan(plan.solve.trigger, plan.begun_s), ()
     if sortie:
@@ -302,12 +301,12 @@ def _apply_failed_upload(
 def _continue_after_upload(
     context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
 ) -> Stepped:
-    """Start a vehicle on its base, or go on with a start that the upload broke off."""
+    """Start a vehicle at its base, or continue a start that the upload interrupted."""
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
     if mission.fresh and event.accepted and survivors.may_take_off(context, vehicle, now_s):
         if not sortie:
             return start_from_base(context, state, state.vehicles[vehicle.name], now_s)
-        state = turnaround.record_sortie_start(state, vehicle.name, now_s)  # it has looked at its boots itself
+        state = turnaround.record_sortie_start(state, vehicle.name, now_s)  # a turnaround checks reboots itself
         state, start = order_start(context, state, state.vehicles[vehicle.name], now_s)
         return state, (start,)
     if sortie:
@@ -323,7 +322,7 @@ def _continue_after_upload(
 def record_declined_mission(
     context: Context, vehicle: VehicleState, mission: NewMission, event: UploadEnded, now_s: float
 ) -> tuple[VehicleState, str]:
-    """Return a vehicle that could not be given its new mission, and for how long it is planned around, in words."""
+    """Return a vehicle whose new mission was not accepted, and in words how long the plan works around it."""
     known = replace(vehicle.assignment, stubborn=True, declined=None)
     if event.code not in LATER or (event.mixed and not mission.fresh):
         return replace(vehicle, assignment=known), ""
@@ -337,7 +336,7 @@ def record_declined_mission(
 
 
 def retry_declined_missions(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Look who answers again that could not be given a new mission, and plan with it."""
+    """Find vehicles that answer again after a declined mission, and plan with them."""
     if state.replanning.replan is not None or state.progress.recalled or state.listening.silent_since_s is not None:
         return state, ()
     for vehicle in state.vehicles.values():
@@ -347,10 +346,10 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
         ready = vehicle.with_assignment(stubborn=False)
         if survivors.build_survivor(context, state, ready, now_s) is None:
             if vehicle.stage is not Stage.FLYING:
-                state = state.put(ready)  # it waits for the crew's word, as others do
+                state = state.put(ready)  # it waits for the crew's include, as others do
             continue
         if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.read_s <= refused.at_s:
-            # As if it had said that it was given one: that is read, and nothing is put on board before.
+            # Treat it as if it had reported a new mission: that is read back, and nothing is uploaded before.
             carried = replace(vehicle.assignment.carried, told_s=now_s)
             state = state.put(vehicle.with_assignment(carried=carried))
             continue
@@ -364,7 +363,7 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
 
 
 def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: float) -> bool:
-    """Return whether it was heard since, and is not in other hands."""
+    """Return whether it was received since, and is under our control."""
     known, beat_s = vehicle.assignment, vehicle.link.heartbeat_s
     if not known.stubborn or known.pending is not None or known.before is not None or is_under_foreign_control(vehicle):
         return False
@@ -374,20 +373,20 @@ def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: 
 
 
 def is_mission_read_due(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether it is time to look up what a vehicle carries."""
+    """Return whether a vehicle's mission should be read back now."""
     known, heard = vehicle.assignment, not vehicle.link.stale
     flies = vehicle.stage in {Stage.FLYING, Stage.PILOT} and known.pending is None
     return flies and heard and known.carried.is_reading_due(now_s)
 
 
 def apply_mission_read(state: FleetState, found: Found, now_s: float) -> Stepped:
-    """Believe, or not, that a vehicle was given a mission, and not from here, as it says."""
+    """Confirm or reject a vehicle's report of a mission that was not ours."""
     vehicle = state.vehicles[found.vehicle]
     board, carried, declined = vehicle.assignment.board, vehicle.assignment.carried, vehicle.assignment.declined
     if board is None or carried.told_s is None:
-        return state, ()  # it was given one of ours meanwhile
-    if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= SURE_S:
-        # Nothing came of it at all: it is asked again when it is heard.
+        return state, ()  # ours was uploaded meanwhile
+    if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= AGREEMENT_S:
+        # No contact during the read-back: repeat it with contact.
         return state.put(vehicle.with_assignment(carried=replace(carried, asked_s=None))), ()
     if vehicle.assignment.stubborn and declined is not None:
         return _apply_read_of_declined(state, vehicle, declined, found, now_s)
@@ -401,12 +400,12 @@ def apply_mission_read(state: FleetState, found: Found, now_s: float) -> Stepped
 def _apply_read_of_declined(
     state: FleetState, vehicle: VehicleState, declined: DeclinedMission, found: Found, now_s: float
 ) -> Stepped:
-    """Take what a vehicle carries whose last upload came to no known end."""
+    """Apply the read-back of a vehicle whose last upload had no known end."""
     board, carried, maybe = vehicle.assignment.board, vehicle.assignment.carried, declined.maybe
     new = None if maybe is None else found.match_of(maybe.revision)
     if maybe is not None and new is not None and new.whole:
         carries = apply_onboard_mission(vehicle, maybe, now_s)
-        # It is planned around until it is planned with again: others have its part by now.
+        # The plan works around it until the next one: others have its part by now.
         known = replace(carries.assignment, stubborn=True, declined=replace(declined, maybe=None))
         known = replace(known, carried=replace(known.carried, read_s=now_s))
         said = custody.MISSION_ON_BOARD.say(vehicle=vehicle.name, revision=maybe.revision)

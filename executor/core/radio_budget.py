@@ -1,9 +1,8 @@
-"""What vehicles are asked to send, and which streams are thinned where a telemetry radio cannot carry all of it.
+"""Choose the message rates to request of vehicles, and thin them where a telemetry radio cannot carry all.
 
-Given up first is how often something comes that changes slowly, and last how often a vehicle says where it is: a
-segment is proven by positions, and any two that are some seconds apart prove it as well. What a fault or a pilot's hand
-is known by comes every two seconds at least: one report of a tilt, of a lost fix or of a switch is to be followed by
-another before it decides anything.
+The rates of slowly changing messages are reduced first, the position rate last: positions prove a segment, and any two
+some seconds apart prove it as well. Messages that reveal a fault or a pilot's input arrive at least every two seconds:
+a single report of a tilt, a lost fix or a switch must be followed by another before it decides anything.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ HEARTBEAT, SYS_STATUS, GPS_RAW_INT, ATTITUDE = 0, 1, 24, 30
 GLOBAL_POSITION_INT, MISSION_CURRENT, RC_CHANNELS = 33, 42, 65
 BATTERY_STATUS, EXTENDED_SYS_STATE = 147, 245
 HEARTBEAT_HZ = 1.0
-"""It comes unasked, until it does not."""
+"""Rate of the HEARTBEAT, normally sent without a request."""
 STREAMS_HZ: Mapping[int, float] = {
     GLOBAL_POSITION_INT: 5.0,
     SYS_STATUS: 1.0,
@@ -29,9 +28,9 @@ STREAMS_HZ: Mapping[int, float] = {
     EXTENDED_SYS_STATE: 1.0,
     ATTITUDE: 1.0,
     GPS_RAW_INT: 1.0,
-    RC_CHANNELS: 1.0,  # its pilot's switches
+    RC_CHANNELS: 1.0,  # the pilot's switches
 }
-"""What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
+"""Rates of the messages we follow; ArduPilot sends none of them unrequested, PX4 its battery only every 2 s."""
 THINNED_HZ: tuple[Mapping[int, float], ...] = (
     {ATTITUDE: 0.5, GPS_RAW_INT: 0.5, RC_CHANNELS: 0.5, MISSION_CURRENT: 1.0},
     {
@@ -43,58 +42,58 @@ THINNED_HZ: tuple[Mapping[int, float], ...] = (
         ATTITUDE: 0.5, GPS_RAW_INT: 0.5, RC_CHANNELS: 0.5,
     },
 )  # fmt: skip
-"""What is asked for instead, step by step."""
+"""Reduced rates, step by step."""
 OWN_FACTORS = (1.0, 1.0, 0.5, 0.3)
-"""Of the rates of what only one of the autopilots sends, by the same steps."""
+"""Factors on the rates of messages specific to one autopilot, by the same steps."""
 FRAME_BYTES: Mapping[int, int] = {
     HEARTBEAT: 21, SYS_STATUS: 43, GPS_RAW_INT: 64, ATTITUDE: 40, GLOBAL_POSITION_INT: 40, MISSION_CURRENT: 30,
     RC_CHANNELS: 54, BATTERY_STATUS: 66, EXTENDED_SYS_STATE: 14, 162: 21, 168: 24, 193: 34, 230: 54, 231: 52,
     25: 113, 29: 28, 31: 60, 32: 40, 36: 49, 49: 32, 74: 32, 83: 49, 85: 63, 87: 63, 141: 44, 290: 58, 291: 69, 380: 32,
 }  # fmt: skip
-"""Of each message at most, with the 12 bytes around it (common.xml, ardupilotmega.xml)."""
+"""Largest size of each message, with 12 bytes of framing (common.xml, ardupilotmega.xml)."""
 SIGNATURE_BYTES = 13
-FULL_PCT = 33
-"""Of a radio's buffer less is free: what is asked now waits in it for longer than an answer takes (ArduPilot sends no
-parameters from there on)."""
-USUAL_BYTES_S = 1200.0
-"""What the slowest telemetry radio that is in use carries without losing any of it: SiK at 64 kbit/s with error
-correction and the firmware that it is sold with (SiK issue 97)."""
+FULL_BUFFER_PCT = 33
+"""Free buffer of a radio below which a request waits longer than its answer takes (ArduPilot then sends no
+parameters)."""
+DEFAULT_CAPACITY_BYTES_S = 1200.0
+"""Lossless capacity of the slowest telemetry radio in use: SiK at 64 kbit/s with error correction and factory firmware
+(SiK issue 97)."""
 STREAMS_SHARE = 0.7
-"""Of what a radio carries; the rest is for orders, missions and parameters."""
-OTHERS_SHARE = 0.1
-"""Of what a radio carries, for what other stations send, where they may order."""
+"""Share of a radio's capacity for streams; the rest is for commands, missions and parameters."""
+OTHER_STATIONS_SHARE = 0.1
+"""Share of a radio's capacity for other stations' frames, where these may command vehicles."""
 
 
 @dataclass(frozen=True, slots=True)
 class RadioShare:
-    """What a vehicle has of the radio that it is behind, maybe with others."""
+    """A vehicle's share of its radio, which others may use too."""
 
     vehicles: int = 1
-    """How many."""
+    """Number of vehicles on the radio."""
     bytes_s: float | None = None
-    """What it carries, all together, where the site says it."""
+    """Total capacity, where the site states it."""
     signed: bool = False
     is_radio: bool = False
-    """Whether it is one, though it may not report itself: a serial port, or what the site calls one."""
+    """Whether it is a radio even without reports of its own: a serial port, or declared in the site."""
     others_bytes_s: float | None = 0.0
-    """What other stations may send to the vehicles; None for the usual share of what it carries."""
+    """Bytes per second that other stations may send to the vehicles; None for the usual share of the capacity."""
     names: tuple[str, ...] = ()
-    """Who is behind it."""
+    """Vehicles on the radio."""
     least_step: int = 0
-    """How far the streams are thinned at least, as the radio was found to be full in flight."""
+    """Smallest number of steps by which streams are thinned, from load measured in flight."""
     further: tuple[tuple[str, RadioShare], ...] = ()
-    """Of a vehicle with several links: what it has of each further one, by its connection."""
+    """For a vehicle with several links, its share of each further one, by connection."""
 
     def find_link_share(self, connection: str) -> RadioShare:
-        """Return what it has of one of its links."""
+        """Return the share of one of its links."""
         return dict(self.further).get(connection, self)
 
     def find_capacity_bytes_s(self, *, on_radio: bool) -> float | None:
-        """Return what may be sent; None where nothing says that there is a radio."""
-        return self.bytes_s if self.bytes_s is not None or not (on_radio or self.is_radio) else USUAL_BYTES_S
+        """Return the capacity; None if there is no sign of a radio."""
+        return self.bytes_s if self.bytes_s is not None or not (on_radio or self.is_radio) else DEFAULT_CAPACITY_BYTES_S
 
     def list_unwanted(self, dialect: Dialect, *, on_radio: bool) -> tuple[int, ...]:
-        """Return what is sent unasked and switched off for a flight: none of it where the radio has room for all."""
+        """Return the unrequested messages to switch off for a flight; none if the radio has room for all."""
         capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
         more_bytes_s = self._sum_streams_bytes_s(dialect.unasked_hz)
         if capacity_bytes_s is None or self.sum_bytes_s(dialect, 0) + more_bytes_s <= self.find_room_bytes_s(
@@ -104,7 +103,7 @@ class RadioShare:
         return tuple(dialect.unasked_hz)
 
     def choose_step(self, dialect: Dialect, *, on_radio: bool) -> int:
-        """Return how far the streams are thinned: not at all without a radio, and no further than it takes."""
+        """Return the number of steps by which streams are thinned: 0 without a radio, otherwise the fewest that fit."""
         capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
         steps = range(self.least_step, len(OWN_FACTORS))
         if capacity_bytes_s is None:
@@ -113,19 +112,19 @@ class RadioShare:
         return next((step for step in steps if self.sum_bytes_s(dialect, step) <= most_bytes_s), steps[-1])
 
     def find_others_bytes_s(self, capacity_bytes_s: float) -> float:
-        """Return what other stations may send."""
-        return OTHERS_SHARE * capacity_bytes_s if self.others_bytes_s is None else self.others_bytes_s
+        """Return the bytes per second that other stations may send."""
+        return OTHER_STATIONS_SHARE * capacity_bytes_s if self.others_bytes_s is None else self.others_bytes_s
 
     def find_room_bytes_s(self, capacity_bytes_s: float) -> float:
-        """Return what is left for streams."""
+        """Return the bytes per second left for streams."""
         return max(0.0, STREAMS_SHARE * capacity_bytes_s - self.find_others_bytes_s(capacity_bytes_s))
 
     def choose_streams_hz(self, dialect: Dialect, *, on_radio: bool) -> dict[int, float]:
-        """Return what a vehicle is asked to send, and how often."""
+        """Return the message rates to request of a vehicle."""
         return list_streams_hz(dialect, self.choose_step(dialect, on_radio=on_radio))
 
     def sum_bytes_s(self, dialect: Dialect, step: int) -> float:
-        """Return what all vehicles send together, with our heartbeats, of which there are as many as of theirs."""
+        """Return the traffic of all vehicles with the HEARTBEATs in both directions, in bytes per second."""
         return self._sum_streams_bytes_s(list_streams_hz(dialect, step) | {HEARTBEAT: 2.0})
 
     def _sum_streams_bytes_s(self, streams_hz: Mapping[int, float]) -> float:
@@ -134,36 +133,33 @@ class RadioShare:
 
 
 ALONE = RadioShare()
-"""Of a vehicle that shares its link with nobody."""
+"""The share of a vehicle alone on its link."""
 
 
 def list_streams_hz(dialect: Dialect, step: int = 0) -> dict[int, float]:
-    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
+    """Return the message rates to request of a vehicle; if it refuses some, it flies all the same."""
     factor, thinned = OWN_FACTORS[step], THINNED_HZ[step - 1] if step else {}
     return {**STREAMS_HZ, **thinned} | {message: factor * hz for message, hz in dialect.own_streams_hz.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class LinkMeasures:
-    """What was measured on a vehicle's link before the flight."""
+    """Measurements of a vehicle's link before the flight."""
 
     radio: Radio | None = None
-    """The last report of the radio here."""
+    """The last report of the local radio."""
     round_trip_s: float | None = None
     lost: float | None = None
-    """Share of its frames."""
-
-
-UNMEASURED = LinkMeasures()
+    """Share of frames lost."""
 
 
 def check_radio(share: RadioShare, dialect: Dialect, found: tuple[LinkMeasures, ...]) -> list[Check]:
-    """Say what a radio has to carry beside what it can.
+    """Check a radio's load against its capacity.
 
     Args:
-        share: Of each of the vehicles behind it.
-        dialect: Of their autopilots.
-        found: What was measured on the link of each.
+        share: The radio's share of each vehicle behind it.
+        dialect: The dialect of the vehicles.
+        found: The measurements of each one's link.
     """
     on_radio = any(one.radio is not None for one in found)
     capacity_bytes_s = share.find_capacity_bytes_s(on_radio=on_radio)

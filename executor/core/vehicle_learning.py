@@ -1,22 +1,22 @@
-"""What a vehicle's own flight says of it: how long its legs take, and what it uses, each with its uncertainty.
+"""Learn a vehicle's pace and consumption from its own flights, each with its uncertainty.
 
-Every leg that was flown undisturbed is one observation. The time: its share of the model's, r = flown / planned, is
-normal about the vehicle's pace, with the variance
+Each undisturbed leg is one observation. Its time relative to the model's, r = flown / planned, is normally distributed
+about the vehicle's pace, with the variance
 
-    R = (SEEN_S / planned)^2 + scatter^2
+    R = (LEG_END_S / planned)^2 + scatter^2
 
-as a waypoint's end is known to a second and no two legs are alike: turns and ramps are more of a transit than of an
-inspection. A scalar Kalman update (Welch & Bishop, "An
-Introduction to the Kalman Filter", 2006, with no process noise but a floor under the variance) takes it in:
+as the end of a waypoint is known to a second, and no two legs are alike: turns and ramps are a larger part of a transit
+than of an inspection. A scalar Kalman update (Welch & Bishop, "An Introduction to the Kalman Filter", 2006, without
+process noise but with a lower bound on the variance) applies it:
 
-    K = P / (P + R);  m' = m + K (r - m);  P' = max((1 - K) P, LEAST_SD^2)
+    K = P / (P + R);  m' = m + K (r - m);  P' = max((1 - K) P, SMALLEST_SD^2)
 
-The innovation is cut off at `OUTLIER_SD` of its deviations (Huber), so that one strange leg moves little, and the mean
-stays within `BOUNDS`. The floor keeps it following a wind that turns.
+The innovation is clipped at `OUTLIER_SD` standard deviations (Huber), so that one odd leg moves the mean little, and
+the mean stays within `BOUNDS`. The lower bound keeps the estimate following a wind that turns.
 
-Times and consumption do not count anything twice: the battery's model is driven by velocities, second by second
-(`Scene.draw_pct_per_s`, `account.drawn`), so its factor is one of power, whatever the legs take. Of a leg ahead the
-energy is therefore the model's, times the pace (so much longer is the power drawn), times the factor.
+Times and consumption count nothing twice: the battery model is driven by velocities, second by second
+(`Scene.draw_pct_per_s`, `account.drawn`), so its factor is one of power, whatever the legs take. The energy of a leg
+ahead is therefore the model's, times the pace (the power is drawn for longer), times the factor.
 """
 
 from __future__ import annotations
@@ -27,33 +27,34 @@ from dataclasses import dataclass, field, replace
 from executor.core.battery.kalman import ROUNDED_VAR, Prior
 from missions import Pace, Performance, Phase
 
-SEEN_S = 1.0
+LEG_END_S = 1.0
 SCATTER_INSPECT = 0.015
-"""Of whole routes in simulation it is 0.005 to 0.009."""
+"""Standard deviation of an inspection leg's relative time; for whole routes in simulation it is 0.005 to 0.009."""
 SCATTER_TRANSIT = 0.03
 FIRST_SD = 0.07
-"""Who reaches a tenth less than the speed asked of it takes so much longer for a leg with its stops."""
-LEAST_SD = 0.005
+"""Prior standard deviation: a vehicle that reaches a tenth less than the commanded speed takes that much longer for a
+leg with its stops."""
+SMALLEST_SD = 0.005
 OUTLIER_SD = 2.5
 BOUNDS = (0.7, 1.6)
 FACTOR_BOUNDS = (0.5, 2.0)
-"""Of a consumption: beyond it is no vehicle but a fault, or a wrong data sheet."""
-SHORT_S = 2.0
-"""A leg that is planned shorter says nothing."""
+"""Bounds on a consumption factor; beyond them is a fault, or a wrong data sheet."""
+SHORTEST_LEG_S = 2.0
+"""Shortest planned time of a leg that is used."""
 POWER_SCATTER = 0.02
-"""Of a consumption between flights of one vehicle on one day."""
-ANOTHER_DAY_SD = 0.03
-"""What another day adds: air, load, the pack's age."""
+"""Standard deviation of the consumption between flights of one vehicle on one day."""
+OTHER_DAY_SD = 0.03
+"""Additional standard deviation on another day: air, payload, age of the pack."""
 
 
 @dataclass(frozen=True, slots=True)
 class PaceEstimate:
-    """A factor on times, and how sure it is."""
+    """A factor on times, with its variance."""
 
     mean: float = 1.0
     var: float = FIRST_SD**2
     legs: int = 0
-    """It was learned from."""
+    """Legs it was learned from."""
 
     @property
     def sd(self) -> float:
@@ -63,36 +64,36 @@ class PaceEstimate:
 
 @dataclass(frozen=True, slots=True)
 class LearnedFactors:
-    """What one vehicle's legs have said so far, relative to the models that its flight began with."""
+    """Factors learned from a vehicle's legs, relative to the models its flight began with."""
 
     inspect: PaceEstimate = field(default_factory=PaceEstimate)
     transit: PaceEstimate = field(default_factory=PaceEstimate)
     given_pct: float = 0.0
-    """By its battery, on the legs that count."""
+    """Battery charge used on the legs that count."""
     modelled_pct: float = 0.0
-    """By the energy model for the same legs at the velocities that were flown."""
+    """Modelled charge for the same legs at the velocities flown."""
     flown_s: float = 0.0
-    """What they took."""
+    """Their total time."""
 
     @property
     def pace(self) -> Pace:
-        """Return the factors on what is ahead."""
+        """Return the factors on legs ahead."""
         return Pace(self.inspect.mean, self.transit.mean)
 
 
 @dataclass(frozen=True, slots=True)
 class KnownVehicle:
-    """What is known of a vehicle from flights before, against the model of a vehicle that nobody knows."""
+    """A vehicle's factors from earlier flights, relative to the model of an unknown vehicle."""
 
     inspect: PaceEstimate
     transit: PaceEstimate
     consumption: Prior
     minutes: float
-    """In the air that the consumption was learned from."""
+    """Flight minutes from which the consumption was learned."""
     autopilot: str
     drone: str
     performance: Performance | None = None
-    """By its own parameters then."""
+    """By its own parameters at that time."""
 
     @property
     def pace(self) -> Pace:
@@ -101,13 +102,13 @@ class KnownVehicle:
 
     @property
     def start(self) -> LearnedFactors:
-        """Return what a flight on another day begins with: relative to this, it is not known whether it is the same."""
+        """Return the initial factors of a flight on another day, relative to these and less certain."""
         return LearnedFactors(_widen_for_another_day(self.inspect), _widen_for_another_day(self.transit))
 
     @property
     def prior(self) -> Prior:
-        """Return what is believed of the consumption on another day."""
-        return Prior(self.consumption.factor, math.hypot(self.consumption.sd, ANOTHER_DAY_SD))
+        """Return the prior consumption on another day."""
+        return Prior(self.consumption.factor, math.hypot(self.consumption.sd, OTHER_DAY_SD))
 
 
 UNKNOWN = LearnedFactors()
@@ -122,20 +123,20 @@ def update_pace(
     >>> round(after.mean, 3), round(after.sd, 3), after.legs
     (1.094, 0.017, 1)
     """
-    if planned_s < SHORT_S or flown_s <= 0.0:
+    if planned_s < SHORTEST_LEG_S or flown_s <= 0.0:
         return known
-    noise = (SEEN_S / planned_s) ** 2 + scatter**2
+    noise = (LEG_END_S / planned_s) ** 2 + scatter**2
     spread = known.var + noise
     most = OUTLIER_SD * math.sqrt(spread)
     innovation = min(most, max(-most, flown_s / planned_s - known.mean))
     gain = known.var / spread
     low, high = BOUNDS
     mean = min(high, max(low, known.mean + gain * innovation))
-    return PaceEstimate(mean, max(LEAST_SD**2, (1.0 - gain) * known.var), known.legs + 1)
+    return PaceEstimate(mean, max(SMALLEST_SD**2, (1.0 - gain) * known.var), known.legs + 1)
 
 
 def learn_from_leg(known: LearnedFactors, phase: Phase, flown_s: float, planned_s: float) -> LearnedFactors:
-    """Return what is known after a leg of a phase that was flown from end to end, undisturbed."""
+    """Return the factors after a leg of a phase, flown undisturbed from end to end."""
     if phase is Phase.INSPECT:
         return replace(known, inspect=update_pace(known.inspect, flown_s, planned_s))
     if phase in (Phase.TRANSIT, Phase.RETURN):
@@ -144,7 +145,7 @@ def learn_from_leg(known: LearnedFactors, phase: Phase, flown_s: float, planned_
 
 
 def learn_from_energy(known: LearnedFactors, given_pct: float, modelled_pct: float, flown_s: float) -> LearnedFactors:
-    """Return what is known with what a leg used; what its battery counted anew within it says nothing."""
+    """Return the factors with a leg's consumption; a leg in which the battery account was restarted has none."""
     if modelled_pct <= 0.0:
         return known
     return replace(
@@ -156,9 +157,9 @@ def learn_from_energy(known: LearnedFactors, given_pct: float, modelled_pct: flo
 
 
 def estimate_consumption(known: LearnedFactors, prior: Prior) -> Prior:
-    """Return the consumption after a flight: the prior beside what was given over what the model says.
+    """Return the consumption after a flight: the prior combined with the ratio of charge used to charge modelled.
 
-    Two readings of whole percents are as far apart as their roundings allow; the rest is scatter of the flights.
+    Two readings in whole percent differ by their rounding; the rest is scatter between flights.
 
     >>> found = estimate_consumption(LearnedFactors(given_pct=46.0, modelled_pct=40.0, flown_s=600.0), Prior())
     >>> round(found.factor, 3), round(found.sd, 3)
@@ -178,16 +179,16 @@ def update_known_vehicle(
     performance: Performance,
     drained: bool,
 ) -> KnownVehicle:  # fmt: skip
-    """Return what is known of a vehicle after a flight, against the model of a vehicle that nobody knows.
+    """Return a vehicle's factors after a flight, relative to the model of an unknown vehicle.
 
     Args:
-        known: In its flight.
-        start: What the flight began with, if anything.
-        prior: What was believed of its consumption then.
-        autopilot: Its own.
-        drone: Of the energy model.
-        performance: That its flight was priced with.
-        drained: Whether its battery was found at fault: then what it used is no sign of what it uses.
+        known: The factors learned in this flight.
+        start: The factors the flight began with, if any.
+        prior: The prior consumption at that time.
+        autopilot: The vehicle's autopilot.
+        drone: The drone of the energy model.
+        performance: The performance its flight was priced with.
+        drained: Whether its battery was found at fault: its consumption then says nothing.
     """
     minutes, before = (0.0, Pace()) if start is None else (start.minutes, start.pace)
     legs = (0, 0) if start is None else (start.inspect.legs, start.transit.legs)
@@ -209,5 +210,5 @@ def _to_absolute(known: PaceEstimate, before: float, legs: int) -> PaceEstimate:
 
 
 def _widen_for_another_day(known: PaceEstimate) -> PaceEstimate:
-    sd = min(FIRST_SD, math.hypot(known.sd / known.mean, ANOTHER_DAY_SD))
+    sd = min(FIRST_SD, math.hypot(known.sd / known.mean, OTHER_DAY_SD))
     return PaceEstimate(1.0, sd**2)

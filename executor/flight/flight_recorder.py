@@ -14,7 +14,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -46,8 +46,6 @@ from executor.supervised import report_internal_error
 from missions.files import write_whole
 from planner import Plan, Route, segment_of
 
-FORMAT: Literal["faultline-checkpoint/2"] = "faultline-checkpoint/2"
-
 Planned = tuple[Solve, SolveEnded]
 """A planning problem and its answer."""
 
@@ -66,17 +64,13 @@ class InheritedRecord:
     """Checkpoint file that the flight was resumed from."""
 
 
-NOTHING_LEFT = InheritedRecord()
-"""Record of a flight that starts anew."""
-
-
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
     """All that the log up to one place comes to."""
 
     place: LogPlace
     state: FleetState
-    legacy: InheritedRecord = NOTHING_LEFT
+    legacy: InheritedRecord = field(default_factory=InheritedRecord)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +91,7 @@ class _Part(BaseModel):
 
 
 class _Head(_Part):
-    format: Literal["faultline-checkpoint/2"]
+    format: Literal["faultline-checkpoint/2"] = "faultline-checkpoint/2"
     program: str
     """Program version that wrote it; another version may hold another state or decide differently."""
     plan: str
@@ -145,7 +139,6 @@ def encode_checkpoint(checkpoint: Checkpoint, plan: bytes) -> bytes:
     """
     body = encode_body(checkpoint.state, checkpoint.legacy)
     head = _Head(
-        format=FORMAT,
         program=describe_program(),
         plan=_compute_digest(plan),
         place=checkpoint.place,
@@ -319,7 +312,7 @@ class FlightSession:
     solver: SolverProcess
     said: Callable[[], AskedVehicles]
     """Vehicle data from before the flight, with findings so far."""
-    legacy: InheritedRecord = NOTHING_LEFT
+    legacy: InheritedRecord = field(default_factory=InheritedRecord)
     """Record that the previous process left."""
 
 

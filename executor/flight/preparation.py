@@ -24,6 +24,7 @@ from executor.core.preflight import fence_changes, mission_checks, vehicle_check
 from executor.core.preflight.fence_changes import OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.parameter_changes import (
+    LIST_WORDS,
     UNASKED,
     ChangeStage,
     KeptList,
@@ -41,6 +42,7 @@ from executor.flight import open_links
 from executor.flight.open_links import follow_fleet_time, run_concurrently, run_for_each
 from executor.flight.restore_vehicles import LISTS, PARAMETERS, BoardRecord, Links
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
+from executor.runtime import procedures
 from executor.runtime import vehicle_preflight as asking
 from executor.runtime.channel import channel_of
 from executor.site import day_plans
@@ -87,8 +89,8 @@ async def connect_and_interview(
         console.say(Level.INFO, f"{name}: not ready yet: {missing}")
 
     dialect = dialect_for(table.autopilot)
-    more = () if site.terrain is None else vehicle_checks.list_terrain_parameters(dialect)
-    more += vehicle_checks.list_shutter_parameters(dialect) if site.look else ()
+    more = [] if site.terrain is None else [rule.parameter for rule in dialect.terrain]
+    more += [dialect.shutter.parameter] if site.look else []
     share = radio_share_of(site, name)
     facts = await asking.interview_vehicle(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more, share)
     console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
@@ -138,9 +140,9 @@ def build_context_and_checklist(
         )
         found += vehicle_checks.check_links(fact)
         found += vehicle_checks.check_ground_stations(fact, setup.dialect, site.link.station_sysid)
-        found += vehicle_checks.check_battery_failsafe_settings(
-            fact, setup.dialect, vehicle_checks.charge_after_flight_pct(context, path, fact.remaining_pct)
-        )
+        needs_pct = None if path is None else vehicle_checks.estimate_flight(context, path).energy_pct
+        left_pct = None if needs_pct is None else fact.remaining_pct - needs_pct
+        found += vehicle_checks.check_battery_failsafe_settings(fact, setup.dialect, left_pct)
         if site.terrain is not None:
             found += vehicle_checks.check_terrain_following(fact, setup.dialect)
             found += vehicle_checks.check_pad_ground(context, fact)
@@ -259,11 +261,6 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
     return propose_stream_changes(context, proposal, [name for name in links if channel_of(links[name]).radio])
 
 
-def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:
-    """Return every change with its old and new value and its reason."""
-    return [f"{change.vehicle}: {change.words_set}" for change in proposal.changes]
-
-
 def compose_changes_question(proposal: ParameterProposal, *, fences: int = 0) -> str:
     """Return what is asked before anything is set.
 
@@ -316,7 +313,11 @@ async def read_fences(context: Context, links: Links, clock: Clock) -> dict[str,
     """Read what everybody carries beside its mission; nothing where the site says nothing of fences."""
     if context.fencing is None:
         return {}
-    return await run_for_each(context.vehicles, lambda name: asking.read_lists(links[name], clock))
+
+    async def read(name: str) -> OnboardLists:
+        return {kind: await procedures.read_list(links[name], clock, kind) for kind in LIST_WORDS}
+
+    return await run_for_each(context.vehicles, read)
 
 
 def check_fences_on_board(

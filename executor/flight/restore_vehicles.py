@@ -27,7 +27,6 @@ from executor.core.preflight.parameter_changes import (
     Items,
     KeptList,
     KeptParameter,
-    ValueOrigin,
     build_board_record,
     list_return_parameters,
 )
@@ -380,15 +379,15 @@ class BoardRecord(Generic[Change]):
             for name, value in found.items():
                 change = waiting[name]
                 origin = change.classify(value)
-                if origin is ValueOrigin.OTHER:
+                if origin == "other":
                     ended.append(replace(waiting.pop(name), stage=ChangeStage.LEFT))
                     problems.append(change.describe_other(value))
-                elif origin is ValueOrigin.OLD and turn:
+                elif origin == "old" and turn:
                     ended.append(replace(waiting.pop(name), stage=ChangeStage.RESTORED))
-                elif origin is ValueOrigin.OURS and not vehicle.is_at_rest:
+                elif origin == "ours" and not vehicle.is_at_rest:
                     self.update(ended)
                     return [*problems, "was armed meanwhile"]
-                elif origin is ValueOrigin.OURS:
+                elif origin == "ours":
                     refused[name] = await self.file.put_back(link, clock, change)
             if not (waiting and found):
                 break

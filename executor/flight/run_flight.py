@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 import gc
 import signal
-from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
-from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -222,7 +221,7 @@ async def _check_and_supervise(
     seat = FlightSession(request, console, context, state, links, clock, log, solver, said)
     flown: FlightReport | None = None
     try:
-        flown = await supervise(seat, LaunchPreparation(proposal, boards, found, fences, lists))
+        flown = await supervise(seat, partial(_prepare_launch, seat, proposal, boards, found, fences, lists))
     except PreflightFailed:
         RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
@@ -239,40 +238,40 @@ def _raise_on_stop(found: Sequence[Check]) -> None:
         raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
 
 
-@dataclass(frozen=True, slots=True)
-class LaunchPreparation:
-    """What has to be done before a flight that begins."""
-
-    proposal: ParameterProposal
-    boards: Mapping[str, OnboardMission | None]
-    found: list[Check]
-    """Checklist so far."""
-    fences: Mapping[str, Fence]
-    """Fences to upload."""
-    lists: Mapping[str, OnboardLists]
-    """Fence and rally lists on board each vehicle that was queried."""
-
-
-async def _prepare_launch(seat: FlightSession, flight: Flight, beginning: LaunchPreparation) -> None:
+async def _prepare_launch(
+    seat: FlightSession,
+    proposal: ParameterProposal,
+    boards: Mapping[str, OnboardMission | None],
+    found: list[Check],
+    fences: Mapping[str, Fence],
+    lists: Mapping[str, OnboardLists],
+    flight: Flight,
+) -> None:
     """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
+
+    Args:
+        seat: Of the flight.
+        proposal: Which parameters are set.
+        boards: The first missions.
+        found: Checklist so far, which grows.
+        fences: Fences to upload.
+        lists: Fence and rally lists on board each vehicle that was queried.
+        flight: The flight.
 
     Raises:
         PreflightFailed: the operator did not confirm, or something cannot be put on board.
     """
     request, console, context, links, clock = seat.request, seat.console, seat.context, seat.links, seat.clock
-    proposal = beginning.proposal
-    fence_lines = preparation.describe_fence_changes(context, beginning.fences, beginning.lists)
+    fence_lines = preparation.describe_fence_changes(context, fences, lists)
     if proposal.changes or fence_lines:
         text = preparation.compose_changes_question(proposal, fences=len(fence_lines))
-        told = [*fence_lines, *preparation.describe_parameter_changes(proposal)]
+        told = [*fence_lines, *(f"{change.vehicle}: {change.words_set}" for change in proposal.changes)]
         if not await _ask_crew(flight, console, Action.PREPARE, text, told):
             raise PreflightFailed("not confirmed; nothing was changed on board")
-    beginning.found.extend(await preparation.apply_changes(request.run, proposal, context, links, clock, console))
+    found.extend(await preparation.apply_changes(request.run, proposal, context, links, clock, console))
     # Before the missions: PX4 holds a mission against the fence that is on board.
-    await preparation.upload_wanted_lists(
-        request.run, context, links, clock, beginning.fences, beginning.lists, console
-    )
-    await preparation.upload_first_missions(context, links, clock, beginning.boards, console)
+    await preparation.upload_wanted_lists(request.run, context, links, clock, fences, lists, console)
+    await preparation.upload_first_missions(context, links, clock, boards, console)
     seat.said().write(RunDirectory(request.run).vehicles)
     later = [] if request.day is None else day_plans.describe_later_sorties(request.day)
     text = f"All missions are on board, verified by read-back: {summarise_plan(request.plan)}. Take off?"
@@ -292,8 +291,10 @@ async def _ask_crew(flight: Flight, console: Console, action: Action, text: str,
     return any(answer.result() for answer in done)
 
 
-async def supervise(seat: FlightSession, begins: LaunchPreparation | Reopened) -> FlightReport:
-    """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
+async def supervise(
+    seat: FlightSession, begins: Callable[[Flight], Coroutine[None, None, None]] | Reopened
+) -> FlightReport:
+    """Begin a flight with what prepares it, or take one up again that was left in the midst; fly it to its end.
 
     Raises:
         PreflightFailed: the operator did not confirm.
@@ -311,23 +312,22 @@ async def supervise(seat: FlightSession, begins: LaunchPreparation | Reopened) -
         lambda text: keeper.show_notice(Say(Level.FAULT, text), clock.now_s()), request.run
     )
     try:
-        listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
+        reopened = begins if isinstance(begins, Reopened) else None
+        listening = flight.listen_to_vehicles() if reopened is None else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
                 serve_page(request.site.web, flight, clock, console, request),
                 _publish_flight(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
-                reopened = begins if isinstance(begins, Reopened) else None
-                if isinstance(begins, LaunchPreparation):
-                    await interrupts.run_unless_interrupted(_prepare_launch(seat, flight, begins))
-                with _freeze_garbage_collector():
-                    async with supervised.run_beside(
-                        "judging losses", partial(keep_judging, flight, seat.solver.judge)
-                    ):
-                        await flight.run(reopened, request.site.flight.connect_timeout_s)
-                        await keeper.settle()
+                if not isinstance(begins, Reopened):
+                    await interrupts.run_unless_interrupted(begins(flight))
+                gc.freeze()  # one look of the collector at all that was there before the flight takes 0.1 s
+                async with supervised.run_beside("judging losses", partial(keep_judging, flight, seat.solver.judge)):
+                    await flight.run(reopened, request.site.flight.connect_timeout_s)
+                    await keeper.settle()
     finally:
+        gc.unfreeze()
         console.stop_drawing()
         seat.log.close()
     ended_s = clock.now_s()
@@ -375,13 +375,3 @@ def _publish_flight(
         tell=lambda level, text: keeper.show_notice(Say(level, text), clock.now_s()),
         assets=(lambda: build_asset_views(context, flight.state, asked)) if looks else None,
     )
-
-
-@contextmanager
-def _freeze_garbage_collector() -> Iterator[None]:
-    """Keep the collector of cycles away from what was there before the flight: one look at all of it takes 0.1 s."""
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()

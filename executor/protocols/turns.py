@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from executor.core.interface.messages import Radio
-from executor.core.radio_budget import FULL_PCT
+from executor.core.radio_budget import FULL_BUFFER_PCT
 
 STALLED_S = 2.0
 """A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
@@ -63,4 +63,4 @@ def find_wait_s(progressed_s: Iterable[float], now_s: float) -> float:
 def is_buffer_full(radio: Radio | None, heard_s: float, now_s: float) -> bool:
     """Return whether our own radio has said just now that it holds more than it can send."""
     free_pct = None if radio is None else radio.free_buffer_pct
-    return free_pct is not None and free_pct < FULL_PCT and now_s - heard_s <= REPORT_S
+    return free_pct is not None and free_pct < FULL_BUFFER_PCT and now_s - heard_s <= REPORT_S

@@ -16,7 +16,7 @@ from executor.core.battery.voltage import NO_FACTS
 from executor.core.context import Scene, VehicleSetup, power_draw_table_pct_s
 from executor.core.fault_thresholds import Limits
 from executor.core.inflight.faults import passive_watch
-from executor.core.inflight.faults.link_loss import SLEPT_S
+from executor.core.inflight.faults.link_loss import HOST_PAUSE_S
 from executor.core.inflight.faults.passive_watch import DeclaredFault, Degradation, Finding, ObservedModeChange
 from executor.core.interface import messages
 from executor.core.interface.events import Heard, Tick
@@ -288,7 +288,7 @@ class _Player:
     def _advance_to(self, now_s: float) -> None:
         """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
         gap_s = now_s - self._now_s
-        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._file.on_board)):
+        if gap_s > LONGEST_GAP_S or (gap_s > HOST_PAUSE_S and (self._file.stations or self._file.on_board)):
             self._file.skipped.gaps += 1
             self._next_s = now_s
             if gap_s > LONGEST_GAP_S:

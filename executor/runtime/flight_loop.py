@@ -252,7 +252,7 @@ class Flight:
             while True:
                 self.apply(events.Tick(late.take_lost_s()))
                 if told := late.to_be_said():
-                    self._record_note(told)
+                    self._warn(told)
                 for line in changes.list_to_say(self._clock.now_s()):
                     self._tell(line)
                 await asyncio.sleep(period_s)
@@ -278,7 +278,8 @@ class Flight:
                     ended = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)])
                 self._start_job(command.vehicle, partial(self._give_order, command, ended), partial(ended, False))
             case commands.HandsOff(vehicle):
-                self._stop_commanding(vehicle)
+                if vehicle in self._jobs and vehicle not in self._whole:
+                    self._jobs[vehicle].cancel()
             case commands.AskStreams(vehicle, which):
                 self._start_side_job(vehicle, self._ask_streams(vehicle, which))
             case commands.ReadMission(vehicle):
@@ -355,30 +356,22 @@ class Flight:
             event = failed(f"internal error: {type(error).__name__}: {error}")
         self.apply(event)
 
-    def _stop_commanding(self, vehicle: str) -> None:
-        job = self._jobs.get(vehicle)
-        if job is not None and vehicle not in self._whole:
-            job.cancel()
-
     async def _run_once_recorded(self, work: Work) -> Event:
         """Tell a vehicle something once the decision is on record and outlives a power loss."""
         await self._sink.settle()
         return await work()
 
     async def _upload(self, command: commands.Upload) -> Event:
-        dialect = self.context.vehicles[command.vehicle].dialect
+        link, name = self._links[command.vehicle], command.vehicle
+        dialect = self.context.vehicles[name].dialect
+        ended = partial(events.UploadEnded, name, command.revision)
         try:
             mission = encode(command.path, dialect)
         except EncodeError as error:
-            name, revision = command.vehicle, command.revision
-            return events.UploadEnded(
-                name, revision, accepted=False, mixed=False, reason=str(error), code=Ending.INVALID_ITEM
-            )
+            return ended(False, False, str(error), Ending.INVALID_ITEM)
         if command.airborne:
             # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
             mission = flag_current(mission, None)
-        link, name = self._links[command.vehicle], command.vehicle
-        ended = partial(events.UploadEnded, name, command.revision)
         if over_m := height_over_fence_m(self.context_now, name, command.path):
             return ended(False, False, f"it leads {over_m:.0f} m above its fence", Ending.ABOVE_FENCE)
         fenced = command.fence is not None
@@ -392,14 +385,16 @@ class Flight:
             if not self._may_change_fence(name, mixed=False):
                 return ended(False, False, "it has left its mission", Ending.LEFT_MISSION, fenced)
             self._whole.add(name)
-        wanted, tell = partial(self._may_receive_mission, name), partial(self._report, name)
+        wanted = partial(self._may_receive_mission, name)
         before = self._list_proven_items(name) if command.airborne else ()
         alike = sum(
             1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, mission.items, strict=False))
         )
         need_s = replan_cycle.estimate_need_s(self.state, name)
         need = UploadNeed(Rank.IN_FLIGHT, need_s, alike, on_board=len(before))
-        done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell, need=need)
+        done = await procedures.upload_and_verify(
+            link, self._clock, dialect, mission.items, wanted, lambda text: self._warn(f"{name}: {text}"), need=need
+        )
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
 
     def _list_proven_items(self, vehicle: str) -> tuple[MissionItem, ...]:
@@ -409,10 +404,7 @@ class Flight:
             return ()
         return flag_current(encode(known.board.path, dialect), None).items
 
-    def _report(self, vehicle: str, text: str) -> None:
-        self._record_note(f"{vehicle}: {text}")
-
-    def _record_note(self, text: str) -> None:
+    def _warn(self, text: str) -> None:
         self._tell(commands.Say(commands.Level.WARNING, text))
 
     def _tell(self, line: commands.Say) -> None:
@@ -446,7 +438,7 @@ class Flight:
         await self._run_job(f"a question to {vehicle}", partial(self._read_back_mission, vehicle), lambda _: unread)
 
     async def _read_back_mission(self, vehicle: str) -> Event:
-        items = await procedures.read_mission(self._links[vehicle], self._clock)
+        items = await procedures.read_list(self._links[vehicle], self._clock)
         return events.MissionRead(compare_onboard_mission(self.context_now, self.state, vehicle, items, None))
 
     async def _ask_streams(self, vehicle: str, which: tuple[int, ...]) -> None:

@@ -251,13 +251,10 @@ def _transfer_release_s(dialect: Dialect) -> float:
     return dialect.transfer_freed_s + FREED_MARGIN_S
 
 
-async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | None:
-    """Read the mission on board; None if it does not let it be read."""
-    return await read_list(link, clock, MissionKind.MISSION)
-
-
-async def read_list(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
-    """Read one of a vehicle's lists; None if it does not let it be read."""
+async def read_list(
+    link: Link, clock: Clock, kind: MissionKind = MissionKind.MISSION
+) -> tuple[MissionItem, ...] | None:
+    """Read one of a vehicle's lists, by default its mission; None if it does not let it be read."""
     download = await dialogue.run_dialogue(DownloadDialogue(kind), link, clock)  # at the pace of any autopilot
     return download.items if download.accepted else None
 
@@ -360,14 +357,13 @@ async def _start_step(
             )
             return replace(seen, armed=True)
         case StartStep.MISSION_START:
-            done = await send_order(link, clock, CommandDialogue(vehicle_commands.start_mission(), "start the mission"))
-            if not done.accepted:
-                return done
-            mode = dialect.modes.mission.custom_mode
+            order, mode = vehicle_commands.start_mission(), dialect.modes.mission.custom_mode
+
+            def flies(heard: Heartbeat) -> bool:
+                return heard.armed and heard.custom_mode == mode
+
             # One that waited too long for this order has disarmed by itself, and takes off no more.
-            return await _wait_for_confirmation(
-                link, clock, lambda heard: heard.armed and heard.custom_mode == mode, "is not armed in mission mode"
-            )
+            return await _order_and_see(link, clock, order, "start the mission", flies, "is not armed in mission mode")
         case StartStep.MISSION_MODE:
             return await switch_mode(link, clock, dialect.modes.mission)
 
@@ -411,14 +407,8 @@ async def give_order(link: Link, clock: Clock, dialect: Dialect, order: Order) -
         case Resume(_, speed_m_s):
             return await _resume_mission(link, clock, dialect, speed_m_s)
         case Disarm(_, force):
-            return await _order_disarm(link, clock, force=force)
-
-
-async def _order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
-    done = await send_order(link, clock, CommandDialogue(vehicle_commands.disarm(force=force), "disarm"))
-    if not done.accepted:
-        return done
-    return await _wait_for_confirmation(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
+            command, otherwise = vehicle_commands.disarm(force=force), "still reports that it is armed"
+            return await _order_and_see(link, clock, command, "disarm", lambda heard: not heard.armed, otherwise)
 
 
 async def _resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> ProcedureResult:
@@ -448,7 +438,7 @@ async def _resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s:
 
 
 async def switch_mode(link: Link, clock: Clock, mode: ModeNumber, *follows: ModeNumber) -> ProcedureResult:
-    """Order a mode, and see in the heartbeat that it is flown: an acknowledgement only means 'will try'.
+    """Order a mode, and see in the heartbeat that it is flown.
 
     Args:
         link: To the vehicle.
@@ -456,13 +446,20 @@ async def switch_mode(link: Link, clock: Clock, mode: ModeNumber, *follows: Mode
         mode: What is ordered.
         follows: What the vehicle may be in by then instead.
     """
-    done = await send_order(link, clock, CommandDialogue(vehicle_commands.set_mode(mode), "change of mode"))
-    if not done.accepted:
-        return done
-    accepted = {one.custom_mode for one in (mode, *follows)}
-    return await _wait_for_confirmation(
-        link, clock, lambda heard: heard.custom_mode in accepted, "does not report the new mode"
-    )
+    order, accepted = vehicle_commands.set_mode(mode), {one.custom_mode for one in (mode, *follows)}
+
+    def flies(heard: Heartbeat) -> bool:
+        return heard.custom_mode in accepted
+
+    return await _order_and_see(link, clock, order, "change of mode", flies, "does not report the new mode")
+
+
+async def _order_and_see(
+    link: Link, clock: Clock, order: SendCommand, words: str, wanted: Callable[[Heartbeat], bool], otherwise: str
+) -> ProcedureResult:
+    """Give a command, and see in the heartbeat that it is followed: an acknowledgement only means 'will try'."""
+    done = await send_order(link, clock, CommandDialogue(order, words))
+    return await _wait_for_confirmation(link, clock, wanted, otherwise) if done.accepted else done
 
 
 async def _wait_for_confirmation(
@@ -470,11 +467,7 @@ async def _wait_for_confirmation(
 ) -> ProcedureResult:
     patience_s = max(MODE_TIMEOUT_S, PATIENCE_REAL_S * clock.speedup)
     seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), patience_s)
-    return (
-        ProcedureResult(accepted=True)
-        if seen
-        else ProcedureResult(accepted=False, reason=otherwise, code=Ending.NOT_CONFIRMED)
-    )
+    return ProcedureResult(seen, "" if seen else otherwise, code=None if seen else Ending.NOT_CONFIRMED)
 
 
 @dialogue.count_awake_time

@@ -350,11 +350,6 @@ async def load_mission(
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
 
 
-async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
-    """Read what a vehicle carries beside its mission."""
-    return {kind: await procedures.read_list(link, clock, kind) for kind in parameter_changes.LIST_WORDS}
-
-
 async def upload_list(
     link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
 ) -> ProcedureResult:
@@ -416,7 +411,10 @@ async def examine_vehicle(
             proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
     except PreflightFailed as error:
         return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
-    if reason := _find_mismatch(context, facts) or _unknown(facts, proposal):
+    refused = [check.text for check in proposal.checks if check.severity is Severity.STOP]
+    if facts.unread:
+        refused.insert(0, onboard_failsafes.describe_unread_parameters(facts.unread))
+    if reason := _find_mismatch(context, facts) or next(iter(refused), ""):
         return Examined(name, ready=False, reason=reason)
     return Examined(
         name,
@@ -429,13 +427,6 @@ async def examine_vehicle(
         changed=tuple(change.words_set for change in proposal.changes_of(name)),
         sets=sets,
     )
-
-
-def _unknown(facts: VehicleFacts, proposal: parameter_changes.ParameterProposal) -> str:
-    """Return what cannot be known of its parameters; empty if everything is."""
-    if facts.unread:
-        return onboard_failsafes.describe_unread_parameters(facts.unread)
-    return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
 
 
 def _find_mismatch(context: Context, facts: VehicleFacts) -> str:
@@ -550,7 +541,7 @@ async def _query_vehicle(
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
                 for _ in range(1 if patience_s is not None else READ_TRIES):
-                    answer.items = await procedures.read_mission(link, clock)
+                    answer.items = await procedures.read_list(link, clock)
                     if answer.items is not None:
                         break
     with suppress(TimeoutError):

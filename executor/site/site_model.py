@@ -15,8 +15,7 @@ from executor.core.battery.voltage import PackFacts
 from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
 from executor.core.fault_thresholds import Limits
 from executor.core.interface.connection import Connection, Scheme
-from executor.core.preflight.link_timeout import effective_link_timeout_s
-from executor.core.preflight.onboard_failsafes import LinkFailsafe
+from executor.core.preflight.onboard_failsafes import LinkFailsafe, effective_link_timeout_s
 from executor.core.radio_budget import RadioShare
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle

@@ -13,32 +13,32 @@ export type State = Omit<FleetView, "vehicles"> & BesideFleet & { vehicles: Vehi
 export interface FleetView {
   /** The flight's clock. */
   now_s: number;
-  /** Since the launch. */
+  /** Since launch. */
   flight_s: number | null;
   revision: number;
   segments_total: number;
   inspected: number[];
-  /** Segments that nobody inspects in this flight: left for the next sortie by the plan, or given up since. */
+  /** Segments not inspected in this flight: left over by the plan, or given up since. */
   uncovered: number[];
-  /** Segments that were flown but not seen: pictures of them are missing. */
+  /** Segments flown but not seen: pictures are missing. */
   missed: number[];
   replan: ReplanView | null;
-  /** Whether nobody at all is heard. */
+  /** Whether no vehicle is received. */
   all_silent: boolean;
   recalled: boolean;
   finished: boolean;
   min_separation_m: number | null;
   vehicles: VehicleView[];
-  /** The last decisions, the oldest first. */
+  /** The last decisions, oldest first. */
   said: OperatorLine[];
-  /** The last ones, the oldest first. */
+  /** The last ones, oldest first. */
   intents: IntentView[];
-  /** The checklist, in the order in which a crew reads it. */
+  /** The checklist, in the crew's reading order. */
   checks: Check[];
-  /** What the crew is asked now, before the flight. */
+  /** The open question to the crew before the flight. */
   question: Question | null;
   offer: OfferView | null;
-  /** Of vehicles behind telemetry radios, once it is counted what these carry. */
+  /** For vehicles behind telemetry radios, once their load is measured. */
   radios: RadioView[];
 }
 
@@ -234,7 +234,7 @@ export interface VehicleView {
   armed: boolean;
   /** 0 is the lowest. */
   layer: number;
-  /** How far its layer lies over the lowest one. */
+  /** Height of its layer over the lowest one. */
   layer_m: number;
   position: PositionView | null;
   battery: BatteryView;
@@ -249,32 +249,32 @@ export interface VehicleView {
   fault_kind: string | null;
   fault_code: "link_lost" | "heartbeat_lost" | "position_lost" | "item_lost" | "battery_report_lost" | "battery_step" | "voltage_step" | "cell_weak" | "battery_critical" | "battery_failsafe" | "battery_plunge" | "battery_drift" | "pack_short" | "battery_low" | "disarmed" | "crashed" | "falling" | "sinking" | "thrust_lost" | "terminated" | "position_jump" | "mode_changed" | "fence_breached" | "stall" | "down" | "not_started" | "mission_foreign" | "mission_mixed" | "operator_land" | "camera_silent" | "camera_mute" | "card_full" | "gimbal_stuck" | "operator_exclude" | null;
   excluded: boolean;
-  /** None while it is not known, or where there is nothing to lose. */
+  /** None while unknown, or where there is nothing to lose. */
   loss: LossView | null;
-  /** How long it should take until it is back on its pad; None where nobody knows. */
+  /** Expected time until it is back on its pad; None if unknown. */
   lands_in_s: number | null;
   /** GPS_FIX_TYPE. */
   gps_fix: number | null;
   satellites: number | null;
   voltage_v: number | null;
-  /** As it measures it. */
+  /** As the vehicle measures it. */
   wind: Wind | null;
-  /** Who has it, if it is not flown from here. */
+  /** The party that controls it, if not this flight. */
   taken: TakenView | null;
-  /** Whether it could take over work, and waits for the crew's word. */
+  /** Whether it could take over segments, and waits for the crew's include. */
   offered: boolean;
   /** None in a flight of one sortie. */
   turn: TurnView | null;
 }
 
-/** A line for the operator, kept for who looks later: a decision with its reason. */
+/** A line for the operator, kept for later readers: a decision with its reason. */
 export interface OperatorLine {
   at_s: number;
   level: "info" | "warning" | "fault";
   text: string;
 }
 
-/** What an operator asked for, and what became of it. */
+/** An operator's intent and its outcome. */
 export interface IntentView {
   id: string;
   action: string;
@@ -283,7 +283,7 @@ export interface IntentView {
   outcome: string;
   text: string;
   at_s: number;
-  /** What has to be confirmed before it is done; empty if nothing has. */
+  /** The question to confirm first; empty if there is none. */
   question: string;
 }
 
@@ -295,39 +295,39 @@ export interface Check {
   code: "not_ready" | "firmware" | "vehicle_type" | "autopilot" | "double_sysid" | "armed" | "far_from_depot" | "pad_height" | "link_failsafe" | "watched_station" | "other_station" | "battery_failsafe" | "geofence" | "energy" | "pack" | "rtl_altitude" | "parameter_change" | "signing" | "radio" | "disk" | "separation" | "heights" | "clearance" | "camera" | "terrain" | "ceiling" | "areas" | "plan" | "left_over";
 }
 
-/** What the crew is asked before anything goes on. */
+/** A question to the crew before the flight continues. */
 export interface Question {
-  /** prepare or take-off: the action that answers it with yes. */
+  /** prepare or take-off: the action that answers yes. */
   id: string;
   text: string;
-  /** What it is about, line by line. */
+  /** Details, line by line. */
   lines: string[];
 }
 
-/** Vehicles on the ground that could take over work. */
+/** Vehicles on the ground that could take over segments. */
 export interface OfferView {
   vehicles: string[];
-  /** What nobody has. */
+  /** Segments without a vehicle. */
   segments: number[];
-  /** Whose pads must be clear, and for what. */
+  /** The pads that must be clear, and the purpose. */
   text: string;
 }
 
-/** A telemetry radio, as it was measured in the last seconds with all vehicles behind it. */
+/** A telemetry radio, as measured in the last seconds with all vehicles behind it. */
 export interface RadioView {
   vehicles: string[];
   /** fine, congested or weak. */
   state: string;
-  /** Why; None if it is fine. */
+  /** The reason; None if it is fine. */
   code: "buffer_full" | "at_capacity" | "round_trip_grown" | "signal_low" | "frames_lost" | null;
-  /** What it carries of what it can, its round trip and its losses, in words. */
+  /** Load and capacity, round trip and losses, in words. */
   text: string;
   bytes_s: number;
   capacity_bytes_s: number;
   round_trip_s: number | null;
-  /** Share of frames; None while they are few. */
+  /** Share of frames lost; None while there are too few. */
   lost: number | null;
-  /** How often its vehicles are asked to say where they are. */
+  /** Requested position rate of its vehicles. */
   positions_hz: number;
 }
 
@@ -593,7 +593,7 @@ export interface ReportPlan {
   routes: ReportRoute[];
 }
 
-/** Where a vehicle is. */
+/** The position of a vehicle. */
 export interface PositionView {
   lat_deg: number;
   lon_deg: number;
@@ -601,101 +601,101 @@ export interface PositionView {
   relative_alt_m: number;
   ground_speed_m_s: number;
   age_s: number;
-  /** By so much it may be off; a reckoned one by this or more. */
+  /** Position error; a lower bound for a dead-reckoned position. */
   accuracy_m: number | null;
   heading_deg: number | null;
-  /** fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS. */
+  /** fix: with GPS. reckoned: GPS is lost, dead-reckoned since. unsaid: the vehicle has not reported its GPS. */
   known: string;
-  /** Of one that is reckoned: where it was by GPS last, and has flown on from. That is where to look for it. */
+  /** For a dead-reckoned position, the last one with GPS: the place to begin a search. */
   last_fix: PlaceView | null;
 }
 
-/** A battery, in percent of a full one. A band about a figure should hold what comes nine times of ten. */
+/** A battery, in percent of a full one. A band should contain the actual value nine times in ten. */
 export interface BatteryView {
   measured_pct: number | null;
-  /** What the energy model says should be left now. */
+  /** Modelled charge at present. */
   predicted_pct: number | null;
   predicted_band_pct: number | null;
-  /** What the mission on board still costs. */
+  /** Energy still needed for the mission on board. */
   to_finish_pct: number;
-  /** What should be left at the landing, from what is measured. */
+  /** Expected charge at landing, from measurements. */
   landing_pct: number | null;
   landing_band_pct: number | null;
   reserve_pct: number;
 }
 
-/** One of a vehicle's links, as far as it is worth showing. */
+/** One of a vehicle's links, as displayed. */
 export interface LinkView {
   connection: string;
-  /** How long ago something came over it; None if nothing ever did. */
+  /** Age of the last message; None if there was none. */
   heard_age_s: number | null;
-  /** Share of its frames that were lost in the last seconds. */
+  /** Share of frames lost in the last seconds. */
   loss: number | null;
-  /** Whether orders and missions go over it. */
+  /** Whether commands and missions use it. */
   used: boolean;
 }
 
-/** How far a vehicle is on its route. */
+/** The progress of a vehicle on its route. */
 export interface ProgressView {
   /** Segments of its route behind it. */
   done: number;
   total: number;
   /** The segment that it inspects or flies to. */
   segment: number | null;
-  /** The same by the name of the asset. */
+  /** The same by its asset's name. */
   segment_name: string | null;
   /** takeoff, transit, inspect, return or land. */
   phase: string | null;
-  /** How much of the segment is behind it, from 0 to 1. */
+  /** Share of the segment behind it, from 0 to 1. */
   segment_share: number | null;
-  /** Segments that it has inspected, on this route and on earlier ones. */
+  /** Segments it has inspected, on this route and earlier ones. */
   inspected: number;
 }
 
-/** What the loss of a vehicle would mean. */
+/** The effect of a vehicle's loss. */
 export interface LossView {
-  /** Whether the others could still finish everything but what is left over anyway. */
+  /** Whether the others could still finish all segments but those left over anyway. */
   inside_window: boolean;
   /** Segments that they could not. */
   uncovered: number[];
-  /** How long ago that was found. */
+  /** Age of the result. */
   age_s: number;
-  /** Segments that nobody inspects in any case: `uncovered` of the fleet. */
+  /** Segments left over in any case: `uncovered` of the fleet. */
   left_over: number[];
 }
 
 /** WIND_COV of PX4, WIND of ArduPilot. */
 export interface Wind {
   speed_m_s: number;
-  /** Where the air comes from, clockwise from north. */
+  /** Direction the wind comes from, clockwise from north. */
   from_deg: number;
 }
 
-/** A vehicle in other hands than ours: it is not commanded from here. */
+/** A vehicle under another party's control: it is not commanded from here. */
 export interface TakenView {
   /** On the flight's clock. */
   since_s: number;
-  /** How long its segments are still kept for it; 0 when they were given away. */
+  /** Time for which its segments are still reserved for it; 0 once reassigned. */
   kept_s: number;
-  /** Whether its pilot has put it back on its mission: it may be included. */
+  /** Whether its pilot has returned it to its mission: it may be included. */
   returned: boolean;
 }
 
-/** A vehicle on its base between two sorties, or on a later one. */
+/** A vehicle at its base between two sorties, or on a later one. */
 export interface TurnView {
-  /** The id of the pack in it, as the crew said; empty if nobody did. */
+  /** Id of its pack as entered by the crew; empty if none. */
   pack: string;
-  /** The one under way, or the next, from 1. */
+  /** The sortie under way, or the next, from 1. */
   sortie: number;
-  /** Whether it waits for the crew's word that its pack is changed. */
+  /** Whether it waits for the crew's report of a pack change. */
   awaited: boolean;
-  /** What it waits for, in words; empty if for nothing. */
+  /** What it waits for, in words; empty for nothing. */
   text: string;
-  /** Its base of the day; empty where the flight is no day of sorties. */
+  /** Its base of the day; empty if the flight is no day of sorties. */
   base: string;
-  /** Whether nobody takes off from there. */
+  /** Whether take-offs from there are closed. */
   base_closed: boolean;
-  /** How many charged packs are there; None where nobody counts them. */
+  /** Charged packs there; None if they are not counted. */
   packs: number | null;
 }
 
@@ -765,7 +765,7 @@ export interface ReportRoute {
   way_m: [number, number][];
 }
 
-/** A place of a vehicle, and how fast it was there. */
+/** A position of a vehicle, and its speed there. */
 export interface PlaceView {
   lat_deg: number;
   lon_deg: number;
@@ -773,7 +773,7 @@ export interface PlaceView {
   relative_alt_m: number;
   ground_speed_m_s: number;
   age_s: number;
-  /** By so much it may be off; a reckoned one by this or more. */
+  /** Position error; a lower bound for a dead-reckoned position. */
   accuracy_m: number | null;
 }
 

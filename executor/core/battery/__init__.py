@@ -1,1 +1,1 @@
-"""What a pack has given and holds: the account, its filter, the test for a drain, the voltage."""
+"""Battery of a vehicle: account of charge used, Kalman filter, drain test, voltage, condition of the pack."""

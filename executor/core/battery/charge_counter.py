@@ -1,8 +1,8 @@
-"""A counter of consumed charge, and whether the percentage beside it is made of it.
+"""Track a counter of consumed charge, and judge whether the reported percentage is derived from it.
 
-ArduPilot's percentage is its counter divided by a capacity that somebody typed. PX4's is read off the voltage, or mixed
-of both; it stands at its stop, wavers with the load and rises after it. What such a percentage does says little of what
-is used, and the capacity that both seem to give says nothing.
+ArduPilot's percentage is its counter divided by a capacity set by hand. PX4's is derived from the voltage, or mixed
+from both; it saturates, wavers with the load and recovers after it. Changes of such a percentage say little about
+consumption, and a capacity computed from both is meaningless.
 """
 
 from __future__ import annotations
@@ -11,31 +11,32 @@ from dataclasses import dataclass, field, replace
 
 from executor.core.battery.cusum import Drift
 
-RISES_PCT = 2.0
-"""A charge in flight does not rise: a percentage that does by more than roundings is read off something else."""
-SEGMENT_PCT = 5.0
-"""Stretches of the percentage in which it is set against the counter: whole percents err by a fifth of it."""
-UNLIKE = 1.7
-"""Times as much charge in one stretch as in the last one is no rounding: the percentage does not follow the counter."""
-OFF_SETTING = 1.35
-"""By so much the capacity that both counters give may differ from the one that is set; else it is not divided by it."""
-LEAST_ENDURANCE_H, MOST_ENDURANCE_H = 0.05, 2.0
-"""What a whole pack lasts in any flight: three minutes of a race, two hours of the lightest on cells of high energy."""
+RISE_PCT = 2.0
+"""Rise beyond rounding that shows a percentage is not counted: charge does not rise in flight."""
+STRETCH_PCT = 5.0
+"""Length of the stretches over which the percentage is compared with the counter; whole percents err by a fifth of
+it."""
+STRETCH_RATIO = 1.7
+"""Ratio of charge between two stretches beyond rounding: the percentage does not follow the counter."""
+SETTING_RATIO = 1.35
+"""Ratio of the learned to the set capacity beyond which the percentage is not computed from the set one."""
+MIN_ENDURANCE_H, MAX_ENDURANCE_H = 0.05, 2.0
+"""Endurance of a full pack in any flight: three minutes of racing, two hours of the lightest on high-energy cells."""
 
 
 WHOLE_PCT = 1.0
-END_S = 5.0
-"""Between two reports of which the second is one percent less: later nobody knows when the percent ended."""
+TRANSITION_S = 5.0
+"""Longest interval between two reports, the second a percent lower, that locates the transition."""
 CAPACITY_PCT = 3.0
-"""So far apart two ends of percents must be before charge can be set against them: each is known to a report."""
+"""Shortest distance between two percent transitions to derive a capacity; each is known to within a report."""
 CALM_PCT = 0.5
-AGREES_PCT = 1.5
-"""Two roundings and a little."""
+AGREEMENT_PCT = 1.5
+"""Largest disagreement: two rounding errors and a little more."""
 
 
 @dataclass(frozen=True, slots=True)
 class PercentTransition:
-    """The moment at which a whole percent went over into the next: then it is known exactly what remains."""
+    """The moment when the percentage dropped by one: the remaining charge is then known exactly."""
 
     remaining_pct: float
     consumed_ah: float
@@ -49,19 +50,19 @@ class ChargeCounter:
     at_s: float = 0.0
     modelled_pct: float = 0.0
     began_ah: float = 0.0
-    """What it said when it was first heard."""
+    """Its first value."""
     first: PercentTransition | None = None
-    """The first end of a percent that fits the counter."""
+    """First percent transition consistent with the counter."""
     last: PercentTransition | None = None
     capacity_ah: float | None = None
-    """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
+    """Capacity of the whole pack as the autopilot counts it, learned from both; None until enough charge was used."""
     began_s: float = 0.0
     set_ah: float | None = None
-    """What its parameter says of the capacity."""
+    """Capacity set by parameter."""
     mark: tuple[float, float] | None = None
-    """(percentage, charge) where the present stretch began."""
+    """(percentage, charge) at the start of the present stretch."""
     per_pct_ah: float | None = None
-    """Charge by percent in the last stretch."""
+    """Charge per percent in the last stretch."""
     follows: bool = True
     """Whether the percentage follows the counter."""
     drift: Drift = field(default_factory=Drift)
@@ -70,7 +71,7 @@ class ChargeCounter:
 def start_counter(
     charge: ChargeCounter, consumed_ah: float, reported_pct: float, modelled_pct: float, now_s: float
 ) -> ChargeCounter:
-    """Return a counter that is read from here on; whether the percentage follows it is a matter of the vehicle."""
+    """Return a counter starting here; whether the percentage follows it depends on the vehicle and is kept."""
     return ChargeCounter(
         consumed_ah, now_s, modelled_pct, began_ah=consumed_ah, capacity_ah=charge.set_ah, began_s=now_s,
         set_ah=charge.set_ah, mark=(reported_pct, consumed_ah), follows=charge.follows,
@@ -80,16 +81,16 @@ def start_counter(
 def record_percent_transition(
     charge: ChargeCounter, end_pct: float, used_pct: float, elapsed_s: float, now_s: float
 ) -> ChargeCounter:
-    """Return the counter after a report; one that is a percent less than the one before tells where the percent ended.
+    """Return the counter after a report; one that is a percent lower than the last marks a transition.
 
-    Whole percents err by one, but the moment in which one becomes the next is known to the time between two reports.
+    Whole percents err by one, but the transition between two is known to within the report interval.
     """
-    if charge.consumed_ah is None or used_pct != WHOLE_PCT or elapsed_s > END_S:
+    if charge.consumed_ah is None or used_pct != WHOLE_PCT or elapsed_s > TRANSITION_S:
         return charge
     last = PercentTransition(end_pct, charge.consumed_ah)
     first, capacity_ah = charge.first or last, charge.capacity_ah
     given_pct = first.remaining_pct - last.remaining_pct
-    # What drains the charge, and not what is said of it, must not become the capacity.
+    # An actual drain must not be learned as a capacity.
     if given_pct >= CAPACITY_PCT and charge.drift.excess_pct <= CALM_PCT:
         learned_ah = 100.0 * (last.consumed_ah - first.consumed_ah) / given_pct
         capacity_ah = plausible_capacity_ah(charge, learned_ah, charge.consumed_ah, now_s)
@@ -97,38 +98,38 @@ def record_percent_transition(
 
 
 def counter_remaining_pct(charge: ChargeCounter, stands_for_pct: float) -> float | None:
-    """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
+    """Return the remaining charge by the counter, finer than whole percents; None if it disagrees."""
     if charge.capacity_ah is None or charge.consumed_ah is None or charge.last is None:
         return None
     left = charge.last.remaining_pct - 100.0 * (charge.consumed_ah - charge.last.consumed_ah) / charge.capacity_ah
-    return left if abs(left - stands_for_pct) <= AGREES_PCT else None
+    return left if abs(left - stands_for_pct) <= AGREEMENT_PCT else None
 
 
 def compare_with_percentage(charge: ChargeCounter, reported_pct: float, *, rose_pct: float) -> ChargeCounter:
-    """Hold a percentage against the counter, stretch by stretch."""
+    """Compare a percentage with the counter, stretch by stretch."""
     if charge.consumed_ah is None or charge.mark is None or not charge.follows:
         return charge
-    if rose_pct >= RISES_PCT:
+    if rose_pct >= RISE_PCT:
         return replace(charge, follows=False)
     from_pct, from_ah = charge.mark
-    if from_pct - reported_pct < SEGMENT_PCT:
+    if from_pct - reported_pct < STRETCH_PCT:
         return charge
     per_pct_ah = (charge.consumed_ah - from_ah) / (from_pct - reported_pct)
     last = charge.per_pct_ah
-    like = last is None or last / UNLIKE <= per_pct_ah <= last * UNLIKE
+    like = last is None or last / STRETCH_RATIO <= per_pct_ah <= last * STRETCH_RATIO
     return replace(charge, mark=(reported_pct, charge.consumed_ah), per_pct_ah=per_pct_ah, follows=like)
 
 
 def plausible_capacity_ah(charge: ChargeCounter, capacity_ah: float, consumed_ah: float, now_s: float) -> float | None:
-    """Return a learned capacity, if it can be one.
+    """Return a learned capacity if it is plausible.
 
-    A counter that stands still while the percentage falls counts nothing; one that is divided by another capacity than
-    the one that is set is not what the percentage is made of; and no pack lasts for seconds, or for a day.
+    A counter that does not advance while the percentage falls counts nothing; a capacity unlike the set one is not the
+    divisor of the percentage; and no pack lasts only seconds, or a day.
     """
     if capacity_ah <= 0.0 or not charge.follows:
         return None
-    if charge.set_ah is not None and not charge.set_ah / OFF_SETTING <= capacity_ah <= charge.set_ah * OFF_SETTING:
+    if charge.set_ah is not None and not charge.set_ah / SETTING_RATIO <= capacity_ah <= charge.set_ah * SETTING_RATIO:
         return None
     elapsed_h = (now_s - charge.began_s) / 3600.0
     mean_a = (consumed_ah - charge.began_ah) / elapsed_h if elapsed_h > 0 else 0.0
-    return capacity_ah if LEAST_ENDURANCE_H * mean_a <= capacity_ah <= MOST_ENDURANCE_H * mean_a else None
+    return capacity_ah if MIN_ENDURANCE_H * mean_a <= capacity_ah <= MAX_ENDURANCE_H * mean_a else None

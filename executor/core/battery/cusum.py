@@ -1,7 +1,7 @@
-"""Page's test on consumption: the sum of what was used beyond what explains itself, never below nothing.
+"""Detect a drain by Page's test: the running sum of consumption beyond the expected, never below zero.
 
-It needs no window: a severe drain crosses the threshold in seconds, a mild one in a minute, and what comes in a single
-report and does not go on - a percentage that was estimated anew - is set aside.
+It needs no window: a severe drain crosses the threshold in seconds, a mild one in a minute. An excess in a single
+report that does not continue is a re-estimated percentage, and is set aside.
 """
 
 from __future__ import annotations
@@ -9,64 +9,64 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-ENOUGH_REPORTS = 3
-"""A drain shows in several reports; a single one that is off is no rate."""
+LEAST_REPORTS = 3
+"""Reports that must show a drain; a single deviation is no rate."""
 FEW_REPORTS, FEW_PCT = 2, 3.4
-"""Of so much excess two reports are enough."""
-GOES_ON = 0.6
-"""Share of the threshold that must come from other reports than the largest."""
+"""Fewer reports suffice from this excess on."""
+CONTINUING_SHARE = 0.6
+"""Share of the threshold that must come from reports other than the largest."""
 JUMP_PCT = 2.0
-"""More than two roundings, in a single report."""
+"""Excess of a jump, in a single report: more than two rounding errors."""
 JUMP_PCT_S = 1.0
-"""A drain that empties a battery in 100 s is slower than a jump."""
+"""Rate of a jump; faster than a drain that empties a battery in 100 s."""
 JUMP_S = 6.0
-JUMP_AGAIN_S = 60.0
-"""One jump is an estimate that was corrected; another one within this time is not."""
-AT_ONCE = 2.0
-"""Reports in which a second jump makes one fall of both: nothing is corrected twice running."""
+SECOND_JUMP_S = 60.0
+"""Time within which a second jump counts; a single one is a corrected estimate."""
+CONSECUTIVE = 2.0
+"""Number of report intervals within which two jumps are one drop; an estimate is not corrected twice in a row."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """The sum, and what it is made of."""
+    """The running sum and its parts."""
 
     excess_pct: float = 0.0
-    """Used beyond the expected and its slack."""
+    """Consumption beyond the expected and its slack."""
     used_pct: float = 0.0
     expected_pct: float = 0.0
     since_s: float | None = None
-    """When it was last nothing."""
+    """When it was last zero."""
     reports: int = 0
     jumped_s: float = float("-inf")
-    """When a report was last set aside."""
+    """When a jump was last set aside."""
     jumped_pct: float = 0.0
-    """How much it had beyond the expected."""
+    """Its excess over the expected."""
     biggest_pct: float = 0.0
-    """The largest part that a single report has in it."""
+    """Largest excess of a single report in the sum."""
 
     def duration_s(self, now_s: float) -> float:
-        """Return for how long it has been more than nothing."""
+        """Return the time since it was last zero."""
         return 0.0 if self.since_s is None else now_s - self.since_s
 
 
 def add_usage(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct: float, elapsed_s: float, now_s: float,
              memory_s: float) -> Drift:  # fmt: skip
-    """Add what was used in the time between two reports.
+    """Add the consumption between two reports.
 
     Args:
-        drift: so far.
-        used_pct: by the reports; negative where a percentage rose.
-        expected_pct: with what was learned of the vehicle.
-        slack_pct: what needs no explanation beyond the expected.
-        elapsed_s: between the two reports.
-        now_s: the second report.
-        memory_s: in which an excess is forgotten but for 1/e.
+        drift: The sum so far.
+        used_pct: Consumption by the reports; negative where a percentage rose.
+        expected_pct: Expected consumption, with the vehicle's learned factor.
+        slack_pct: Excess that needs no explanation.
+        elapsed_s: Time between the two reports.
+        now_s: Time of the second report.
+        memory_s: Time in which an excess decays to 1/e.
     """
     beyond = used_pct - expected_pct
     if beyond > JUMP_PCT and elapsed_s <= JUMP_S and beyond > JUMP_PCT_S * elapsed_s:
-        if now_s - drift.jumped_s > JUMP_AGAIN_S:
+        if now_s - drift.jumped_s > SECOND_JUMP_S:
             return replace(drift, jumped_s=now_s, jumped_pct=beyond)
-        if now_s - drift.jumped_s <= AT_ONCE * elapsed_s:
+        if now_s - drift.jumped_s <= CONSECUTIVE * elapsed_s:
             drift = _include_first_jump(drift, elapsed_s, now_s)
         drift = replace(drift, jumped_s=now_s, jumped_pct=0.0)
     excess = drift.excess_pct * math.exp(-elapsed_s / memory_s) + beyond - slack_pct
@@ -85,7 +85,7 @@ def add_usage(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct: 
 
 
 def _include_first_jump(drift: Drift, elapsed_s: float, now_s: float) -> Drift:
-    """Return the sum with the jump that was set aside just before."""
+    """Return the sum with the jump set aside just before included."""
     return replace(
         drift,
         excess_pct=drift.excess_pct + drift.jumped_pct,
@@ -97,12 +97,12 @@ def _include_first_jump(drift: Drift, elapsed_s: float, now_s: float) -> Drift:
 
 
 def is_drain(drift: Drift, threshold_pct: float, step_pct: float) -> bool:
-    """Return whether it is a drain: several reports agree, or it is as much as a step.
+    """Return whether it is a drain: several reports agree, or it is as large as a step.
 
-    A percentage that was estimated anew is one large report among ordinary ones; a drain goes on.
+    A re-estimated percentage is one large report among ordinary ones; a drain continues.
     """
     if drift.excess_pct < threshold_pct:
         return False
-    goes_on = drift.excess_pct - drift.biggest_pct >= GOES_ON * threshold_pct
-    enough = FEW_REPORTS if drift.excess_pct >= FEW_PCT else ENOUGH_REPORTS
+    goes_on = drift.excess_pct - drift.biggest_pct >= CONTINUING_SHARE * threshold_pct
+    enough = FEW_REPORTS if drift.excess_pct >= FEW_PCT else LEAST_REPORTS
     return (drift.reports >= enough and goes_on) or drift.excess_pct >= step_pct

@@ -1,8 +1,8 @@
-"""Whether a pack is what its counter says: its voltage at rest against its percentage, and its earlier flights.
+"""Judge whether a pack holds what its counter reports, by its rest voltage and its earlier flights.
 
-A pack that is labelled is known before it is under load. What its voltage said of its capacity over its last flights
-counts as the more that the chemistries allow, so that nobody flies less for a curve that is not its own; a site that
-names the chemistry leaves nothing open.
+A labelled pack is known before it is under load. The capacity by its voltage over its last flights is the highest that
+the chemistries allow, so that a wrong discharge curve shortens no flight; a site that names the chemistry removes the
+doubt.
 """
 
 from __future__ import annotations
@@ -17,22 +17,23 @@ from executor.core.battery.voltage import AT_REST_A, NO_FACTS, Chemistry, PackFa
 from executor.core.lines import battery
 
 LEAST_SPARE_PCT = 5.0
-"""A pack with less than this over the reserve is not worth a take-off."""
-SURE_SD_V = 0.03
-"""Of a cell: a resting voltage in flight that is less sure says nothing; 10 mV are a percent, or more."""
+"""Charge over the reserve below which a take-off is not worthwhile."""
+REST_SD_V = 0.03
+"""Standard deviation per cell above which a rest voltage in flight is too uncertain; 10 mV are a percent or more."""
 AT_REST_V = 0.12
-"""Of a cell, below the lower of the curves: half of what the two differ by, and a pack that has just been flown."""
+"""Shortfall of a cell below the lower curve at rest: half the difference of the two, for a pack that has just been
+flown."""
 IN_FLIGHT_V = 0.08
-"""The same in flight, where the sag is taken out with its uncertainty, and what ions lag behind is given away."""
-TIMES, TIMES_WARNED = 1.15, 1.1
-"""By its voltage so many times as much was used as was counted, since it last rested, even in the chemistry that allows
-more and with what ions lag behind given away: a pack at the end of its life has four fifths of its capacity, 1.25."""
+"""The same in flight, where the sag is removed with its uncertainty, and an allowance made for polarisation."""
+FAULT_RATIO, WARNING_RATIO = 1.15, 1.1
+"""Ratio of consumption by voltage to consumption counted since the last rest, in the more favourable chemistry and with
+an allowance for polarisation: a pack at the end of its life has four fifths of its capacity, 1.25."""
 USED_PCT, COUNTED_PCT = 20.0, 8.0
-"""So much must be used, by the voltage and by the counter, before that says anything."""
-RECOVERS_S = 60.0
-"""After a load a voltage still rises for so long."""
+"""Consumption, by voltage and by counter, needed for that comparison."""
+RECOVERY_S = 60.0
+"""Recovery time of the voltage after a load."""
 LOW_PCT = 15.0
-"""By its voltage, as a lithium polymer pack: it will be empty in minutes."""
+"""Charge by voltage, as a lithium polymer pack, at which it is empty within minutes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,47 +42,47 @@ class RestReading:
 
     voltage_v: float
     claimed_pct: float
-    """What was reported then."""
+    """Percentage reported at that time."""
     at_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class PackState:
-    """What is known of a vehicle's pack besides what is left of it."""
+    """The condition of a vehicle's pack, apart from its remaining charge."""
 
     facts: PackFacts = NO_FACTS
-    """By the vehicle's own parameters."""
+    """From the vehicle's own parameters."""
     sag: SagEstimate | None = None
-    """None where no current was reported."""
+    """None without a reported current."""
     rest: RestReading | None = None
-    """When it rested last."""
+    """Its last rest."""
     resting: bool = False
     loaded_s: float = float("-inf")
-    """When it was under load last."""
+    """When it was last under load."""
 
 
 @dataclass(frozen=True, slots=True)
 class PackCondition:
-    """A pack's resting voltage beside its percentage, at one moment."""
+    """The rest voltage and percentage of a pack at one moment."""
 
     cell_v: float
-    """At rest."""
+    """Cell voltage at rest."""
     claimed_pct: float
     held_pct: float
-    """By its voltage; a lithium polymer pack where nobody says what it is."""
+    """Charge by its voltage; as a lithium polymer pack if the chemistry is unknown."""
     short_v: float
-    """How far a cell lies below what the percentage allows, in the chemistry that allows more if nobody says which."""
+    """Shortfall of a cell below the voltage its percentage allows, in the more favourable chemistry if unknown."""
     times: float | None = None
-    """By how much more was used since it rested than was counted, by the same lenience; None while that is unknown."""
+    """Ratio of consumption to count since its rest, with the same allowances; None if unknown."""
     likely_times: float | None = None
-    """The same without lenience: as a lithium polymer pack where nobody says what it is."""
+    """The same without allowances; as a lithium polymer pack if the chemistry is unknown."""
     in_flight: bool = False
 
     @property
     def words(self) -> str:
-        """As the crew reads it."""
+        """For the crew to read."""
         what = battery.PACK_AT_REST.format(cell_v=self.cell_v, held_pct=self.held_pct, claimed_pct=self.claimed_pct)
-        if self.times is None or self.times < TIMES_WARNED:
+        if self.times is None or self.times < WARNING_RATIO:
             return what
         times, likely = f"{self.times:.1f}", f"{max(self.times, self.likely_times or 0.0):.1f}"
         much = times if likely == times else battery.FROM_TO.format(least=times, most=likely)
@@ -89,18 +90,18 @@ class PackCondition:
 
     @property
     def doubtful(self) -> bool:
-        """Whether that is worth a word."""
-        gives_more = self.in_flight and self.times is not None and self.times >= TIMES_WARNED
+        """Whether it is worth a warning."""
+        gives_more = self.in_flight and self.times is not None and self.times >= WARNING_RATIO
         return self.short_v >= (IN_FLIGHT_V if self.in_flight else AT_REST_V) or gives_more
 
     @property
     def falls_short(self) -> bool:
-        """Whether it empties faster than it counts."""
-        return self.in_flight and self.times is not None and self.times >= TIMES
+        """Whether it empties faster than counted."""
+        return self.in_flight and self.times is not None and self.times >= FAULT_RATIO
 
     @property
     def nearly_empty(self) -> bool:
-        """Whether it is at its end while its percentage is not."""
+        """Whether it is almost empty though its percentage is not."""
         return self.in_flight and self.short_v >= AT_REST_V and self.held_pct <= LOW_PCT
 
 
@@ -114,16 +115,16 @@ def apply_pack_voltage(
     idle: bool,
     ohm: tuple[float, float] | None = None,
 ) -> PackState:
-    """Take a voltage with what was reported beside it.
+    """Apply a voltage, with the values reported beside it.
 
     Args:
-        known: What was known.
-        voltage_v: Of the whole pack.
-        current_a: What it gave then.
-        claimed_pct: What it was said to hold.
+        known: The state before.
+        voltage_v: Voltage of the whole pack.
+        current_a: Its current at that time.
+        claimed_pct: Its reported percentage.
         now_s: The time.
-        idle: Whether the vehicle's motors stand still.
-        ohm: Its resistance by earlier flights, mean and standard deviation.
+        idle: Whether the vehicle's motors are off.
+        ohm: Its resistance from earlier flights, mean and standard deviation.
     """
     sag = known.sag if current_a is None else update_sag(known.sag, voltage_v, current_a, now_s, ohm)
     rests = idle and (current_a is None or current_a <= AT_REST_A) and claimed_pct is not None
@@ -136,19 +137,19 @@ def apply_pack_voltage(
 def assess_pack(
     known: PackState, cells: int, facts: PackFacts, claimed_pct: float | None, now_s: float
 ) -> PackCondition | None:  # fmt: skip
-    """Return how a pack stands; None where its resting voltage, or its percentage, is not known.
+    """Return the condition of a pack; None if its rest voltage or percentage is unknown.
 
-    A pack that is known to hold less than is counted is held against what it has.
+    A pack known to hold less than counted is compared with its real capacity.
     """
     chemistry = facts.chemistry
     if claimed_pct is None:
         return None
     if known.resting and known.rest is not None:
-        if known.rest.at_s - known.loaded_s < RECOVERS_S:
+        if known.rest.at_s - known.loaded_s < RECOVERY_S:
             return None
         return assess_resting_pack(known.rest.voltage_v, cells, facts, claimed_pct)
     sag = known.sag
-    if sag is None or sag.rest_sd_v > SURE_SD_V * cells or now_s < sag.at_s:
+    if sag is None or sag.rest_sd_v > REST_SD_V * cells or now_s < sag.at_s:
         return None
     cell_v, sure_v = sag.recovered_v / cells, 2.0 * sag.rest_sd_v / cells
     honest_pct, rest, times, likely = facts.honest_pct(claimed_pct), known.rest, None, None
@@ -161,7 +162,7 @@ def assess_pack(
 
 
 def assess_resting_pack(rest_v: float, cells: int, facts: PackFacts, claimed_pct: float) -> PackCondition:
-    """Return how a pack of so many cells in series stood that rested with a voltage, and reported a percentage."""
+    """Return the condition of a pack with this many cells in series, at a rest voltage and a reported percentage."""
     cell_v, chemistry = rest_v / cells, facts.chemistry
     return PackCondition(cell_v, claimed_pct, *_compare_voltage_with_percentage(cell_v, claimed_pct, chemistry, 0.0))
 
@@ -169,7 +170,7 @@ def assess_resting_pack(rest_v: float, cells: int, facts: PackFacts, claimed_pct
 def _compare_voltage_with_percentage(
     cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float
 ) -> tuple[float, float]:
-    """Return what a pack holds by its voltage, and how far a cell lies below what the percentage allows."""
+    """Return the charge of a pack by its voltage, and a cell's shortfall below what the percentage allows."""
     short_v = voltage.rest_cell_v(claimed_pct, chemistry) - cell_v - sure_v
     return voltage.rest_charge_pct(cell_v, chemistry or Chemistry.LIPO), short_v
 
@@ -184,73 +185,73 @@ def _use_ratio(rest_cell_v: float, cell_v: float, counted_pct: float, chemistry:
     return min(used) / counted_pct if min(used) >= USED_PCT else None
 
 
-RECENT = 5
-"""Flights that say what a pack is now: it ages."""
-LEAST_SHARE_SD = 0.03
-"""Of a capacity by voltages: 10 mV of a cell are a percent, or more."""
+RECENT_FLIGHTS = 5
+"""Number of recent flights used, as a pack ages."""
+CAPACITY_SHARE_SD = 0.03
+"""Smallest relative deviation of a capacity by voltage: 10 mV of a cell are a percent or more."""
 OHM_SHARE_SD = 0.2
-"""Of a resistance on another day: a pack of 10 degrees has half as much again as one of 25."""
-FULL = 0.95
-"""Of a capacity: a pack that has more is as it should be."""
-LEAST_PCT = 1.0
+"""Relative deviation of a resistance on another day: at 10 degrees it is half as much again as at 25."""
+SOUND_SHARE = 0.95
+"""Share of a capacity from which a pack counts as sound."""
+MIN_BUDGET_PCT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class PackFlightRecord:
-    """One flight of a pack; None where its log did not say."""
+    """One flight of a pack; None for values not in its log."""
 
     capacity_ah: float | None
-    """The most that its voltage allows."""
+    """Highest capacity that its voltage allows."""
     ohm: float | None
     set_ah: float | None
-    """What its autopilot counted by."""
+    """Capacity that its autopilot counted with."""
 
 
 @dataclass(frozen=True, slots=True)
 class PackHistory:
-    """A labelled pack."""
+    """The history of a labelled pack."""
 
     label: str
     flights: int = 0
     capacity_ah: tuple[float, float] | None = None
     """Mean and standard deviation."""
     ohm: tuple[float, float] | None = None
-    """The same of the whole pack."""
+    """Resistance of the whole pack, mean and standard deviation."""
     set_ah: float | None = None
-    """What its autopilot counted by last."""
+    """Capacity that its autopilot last counted with."""
 
     def share_of(self, capacity_ah: float | None) -> float:
-        """Return how much of a capacity it has; 1 where nothing says that it has less."""
+        """Return the share of a capacity that it has; 1 without evidence of less."""
         if self.capacity_ah is None or not capacity_ah:
             return 1.0
         share = self.capacity_ah[0] / capacity_ah
-        return share if share < FULL else 1.0
+        return share if share < SOUND_SHARE else 1.0
 
     def budget_pct(self, asked_pct: float, reserve_pct: float, planned_ah: float) -> float:
-        """Return what a route may use of it, in percent of the capacity that is planned with."""
-        return max(LEAST_PCT, min(asked_pct, 100.0 * self.share_of(planned_ah) - reserve_pct))
+        """Return the percentage of the planned capacity that a route may use."""
+        return max(MIN_BUDGET_PCT, min(asked_pct, 100.0 * self.share_of(planned_ah) - reserve_pct))
 
     def empty_reading_pct(self, planned_ah: float, *, counts: bool) -> float:
-        """Return how much its autopilot will report when it is empty.
+        """Return the percentage its autopilot will report when it is empty.
 
         Args:
-            planned_ah: Capacity that is planned with; taken where no flight says what its autopilot counts by.
-            counts: Whether an autopilot of which that is not known counts charge at all.
+            planned_ah: Planned capacity; used if no flight shows the one its autopilot counts with.
+            counts: Whether the autopilot, if that is unknown, counts charge at all.
         """
         counted_ah = self.set_ah or (planned_ah if counts else None)
         return 100.0 * (1.0 - self.share_of(counted_ah))
 
 
 def build_pack_history(label: str, flown: Sequence[PackFlightRecord]) -> PackHistory:
-    """Return what a pack's flights say, given in their order."""
-    last = flown[-RECENT:]
+    """Return the history of a pack from its flights in order."""
+    last = flown[-RECENT_FLIGHTS:]
     capacities = [one.capacity_ah for one in last if one.capacity_ah is not None]
     ohms = [one.ohm for one in last if one.ohm is not None and one.ohm > 0]
     sets = [one.set_ah for one in last if one.set_ah]
     return PackHistory(
         label,
         len(flown),
-        _estimate_mean_sd(capacities, LEAST_SHARE_SD),
+        _estimate_mean_sd(capacities, CAPACITY_SHARE_SD),
         _estimate_mean_sd(ohms, OHM_SHARE_SD),
         sets[-1] if sets else None,
     )

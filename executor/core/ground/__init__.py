@@ -1,1 +1,1 @@
-"""Who is in the plan: who leaves it, is taken out of it, or could join it."""
+"""Vehicles on the ground: turnarounds, packs, offers of a take-off, vehicles out of service."""

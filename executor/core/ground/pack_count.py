@@ -1,9 +1,9 @@
-"""The charged packs of each base, counted as the day's plan counts them, from the sorties that were flown.
+"""Count the charged packs of each base from the sorties flown, by the rules of the day's plan.
 
-All packs of a base are charged at the launch. Each take-off takes the one that was charged first; it can fly again
-`recharge_s` after its landing, at the base where it landed, and never where packs are charged overnight or where it is
-lost with its vehicle. A vehicle that is being turned around has its pack. The crew knows its packs better: what it puts
-in is flown, and what it counts is what is charged from then on.
+All packs of a base are charged at launch. Each take-off uses the one charged first. A pack can fly again `recharge_s`
+after its landing, at the base where it landed, and never where packs charge overnight or when it is lost with its
+vehicle. A vehicle in turnaround has its pack. The crew knows better: the pack it inserts is flown, and its own count
+replaces this one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from executor.core.state.bases import base_of, landing_base_of
 from executor.core.state.fleet_state import CountedPacks, FleetState
 from executor.core.state.vehicle_state import Stage
 
-_AWAY = frozenset({Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT})
+_IN_FLIGHT = frozenset({Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT})
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +28,15 @@ class PackStock:
 
     base: str
     charged: int
-    """How many can be put in now."""
+    """Packs ready now."""
     next_s: float | None
-    """When the next one is charged, after the launch; None where none is being charged."""
+    """Time after launch when the next one is charged; None if none is charging."""
     exhausted: bool
-    """Whether none is charged, and none will be within the hours of the day."""
+    """Whether none is charged, and none will be within the day's hours."""
 
 
 def count_packs(context: Context, state: FleetState, name: str, now_s: float) -> PackStock | None:
-    """Return the packs at a vehicle's base; None before the launch, or where the plan does not count them."""
+    """Return the packs at a vehicle's base; None before launch, or where the plan does not count packs."""
     day, launched_s = context.day, state.progress.launched_s
     base = landing_base_of(context, state.vehicles[name])
     rules = None if day is None else day.packs.get(base)
@@ -53,26 +53,26 @@ def count_packs(context: Context, state: FleetState, name: str, now_s: float) ->
             continue
         if back_s is not None:
             pool.append(back_s)
-        elif pool:  # with none charged the crew charges faster, or has one more than the plan
+        elif pool:  # with none charged, the crew charges faster or has a pack more than the plan
             pool.remove(min(pool))
     pool = pool if owed is None else _apply_count(pool, owed)
     charged, last_s = sum(ready_s <= now_s for ready_s in pool), launched_s + day.ends_s
     next_s = min((ready_s for ready_s in pool if ready_s > now_s), default=math.inf)
-    used = any(vehicle.stage in _AWAY or vehicle.turn.asked_s is not None for vehicle in vehicles)
+    used = any(vehicle.stage in _IN_FLIGHT or vehicle.turn.asked_s is not None for vehicle in vehicles)
     landing_s = now_s + rules.recharge_s if used and rules.recharge_s is not None else math.inf
     exhausted = not charged and min(next_s, landing_s) >= last_s
     return PackStock(base, charged, next_s - launched_s if math.isfinite(next_s) else None, exhausted)
 
 
 def _apply_count(pool: list[float], counted: CountedPacks) -> list[float]:
-    """Return when each pack is charged after the crew has counted: those that it still charges are not among them."""
+    """Return when each pack is charged, after a count by the crew, which excludes packs still charging."""
     return [counted.at_s] * counted.charged + [ready_s for ready_s in pool if ready_s > counted.at_s]
 
 
 def _list_pack_moves(
     context: Context, state: FleetState, base: str, recharge_s: float | None
 ) -> list[tuple[tuple[float, bool, str], float | None]]:
-    """Return when whose packs leave the charged ones, and with the time when it can fly again when they are back."""
+    """Return when packs leave the charged ones, and for returned packs when each can fly again."""
     moves: list[tuple[tuple[float, bool, str], float | None]] = []
     for vehicle in state.vehicles.values():
         turn, unflown = vehicle.turn, False
@@ -90,7 +90,7 @@ def _list_pack_moves(
 
 
 def describe_packs(stock: PackStock | None) -> str:
-    """Return what is left of the packs of a base in words; empty where nobody counts them."""
+    """Return in words how many packs of a base are left; empty where they are not counted."""
     if stock is None:
         return ""
     if stock.charged:

@@ -1,4 +1,4 @@
-"""Vehicles on the ground that could take over work: offered to the crew, started by its word and never by silence."""
+"""Offer the crew vehicles on the ground that could take over segments; they start on its include, never by silence."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from missions import Phase, build_open_task
 from planner import Vehicle, segment_of
 
 LANDING_S = 180.0
-"""For so long at most an offer waits for those that are about to land, so that the work is shared."""
+"""Longest wait of an offer for vehicles about to land, to share the segments."""
 
 
 def is_idle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle stands ready on its pad with nothing to do."""
+    """Return whether a vehicle is ready on its pad with nothing to do."""
     never = vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
     well = vehicle.fault is None or (vehicle.stage is Stage.LANDED and vehicle.fault.kind in MAY_FLY_AGAIN)
     out = not well or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
@@ -33,11 +33,11 @@ def is_idle(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 
 MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
-"""Of a vehicle that came to its pad by its own failsafe, and by the crew's word alone."""
+"""Faults after which a vehicle that its failsafe brought back to its pad may fly again, only on the crew's include."""
 
 
 def find_open_segments(context: Context, state: FleetState) -> frozenset[int]:
-    """Return what nobody flies and somebody might."""
+    """Return the segments without a vehicle that one could inspect."""
     hopeless = {segment for segment, tries in state.coverage.attempts.items() if tries > replan_cycle.ATTEMPTS}
     left = (
         replan_cycle.find_orphan_segments(context, state)
@@ -50,7 +50,7 @@ def find_open_segments(context: Context, state: FleetState) -> frozenset[int]:
 def find_reachable_segments(
     context: Context, fleet: FleetState, vehicle: VehicleState, segments: frozenset[int]
 ) -> frozenset[int]:
-    """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
+    """Return the segments that a vehicle could inspect one at a time, from its pad and back."""
     offer = survivors.build_pad_survivor(context, fleet, vehicle)
     segments -= survivors.find_locked_segments(context, fleet, vehicle)
     alone = Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption)
@@ -61,9 +61,9 @@ def find_reachable_segments(
 
 
 def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Offer, change or withdraw what the crew may say yes to."""
+    """Make, change or withdraw the offer to the crew."""
     crew, known, flight = state.crew, state.replanning, state.progress
-    # Of a day who lands waits for its pack.
+    # On a day a landed vehicle waits for its pack.
     never = context.fly_again is RelaunchPolicy.AUTO or context.day is not None
     if never or flight.finished or not flight.is_under_way:
         return _withdraw_offer(state), ()
@@ -88,18 +88,18 @@ def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
     if crew.offer is not None and (crew.offer.vehicles, crew.offer.again) == (tuple(able), again):
         return _expire_offer(context, state.with_crew(offer=replace(crew.offer, segments=segments)), now_s)
     offer = TakeoffOffer(tuple(able), segments, now_s, again)
-    line = sorties.OFFER.with_level(Level.WARNING) if again else sorties.OFFER  # nothing is left open by a no
+    line = sorties.OFFER.with_level(Level.WARNING) if again else sorties.OFFER  # refusing it leaves no segment open
     return state.with_crew(offer=offer, offer_wanted_s=wanted_s), (line.say(offer=describe_offer(context, offer)),)
 
 
 def _find_reinspections(
     context: Context, state: FleetState, ready: Sequence[VehicleState], now_s: float
 ) -> dict[str, frozenset[int]]:
-    """Return who could fly again what counts from farther away than asked, and what of it."""
+    """Return the vehicles that could inspect again what counts from too far, and those segments."""
     if not replan_separation.may_leave_layers(context):
         return {}
     known = state.crew.offer
-    if known is not None and known.again:  # nothing changes while everybody is down, but who is asked
+    if known is not None and known.again:  # with all vehicles down only the ready ones change
         return {one.name: frozenset(known.segments) for one in ready if one.name in known.vehicles}
     found = {}
     for one in ready:
@@ -114,7 +114,7 @@ def _find_reinspections(
 
 
 def is_offered_reinspection(state: FleetState, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle is offered for what counts already, from farther away than asked."""
+    """Return whether a vehicle is offered for segments that count from too far."""
     return state.crew.offer is not None and state.crew.offer.again and vehicle.name in state.crew.offer.vehicles
 
 
@@ -138,7 +138,7 @@ def _withdraw_offer(state: FleetState) -> FleetState:
 
 
 def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> bool:
-    """Return whether somebody in the air, or cleared, is about to be given what is open."""
+    """Return whether a vehicle in the air, or cleared, is about to get the open segments."""
     return bool(replan_cycle.find_orphan_segments(context, state)) and any(
         survivors.build_survivor(context, state, vehicle, now_s) is not None for vehicle in state.vehicles.values()
     )
@@ -157,7 +157,7 @@ def _is_landing_expected(state: FleetState) -> bool:
 
 
 def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """End an offer that nobody answered, once nothing else is left to wait for."""
+    """End an unanswered offer once nothing else is awaited."""
     offer = state.crew.offer
     aloft = any(one.stage in IN_THE_AIR or one.stage is Stage.STARTING for one in state.vehicles.values())
     if offer is None or aloft:
@@ -168,14 +168,10 @@ def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     left, state = find_open_segments(context, state), state.with_crew(offer=None, offers_over=True)
     if offer.again:
-        line = sorties.EXPIRED.with_level(Level.INFO)
-        return state, (line.say(offer_s=context.offer_s, left=_describe_distant_segments(offer)),)
+        line, was = sorties.EXPIRED.with_level(Level.INFO), "was" if len(offer.segments) == 1 else "were"
+        distant = sorties.DISTANT.format(segments=format_count(len(offer.segments), "segment"), was=was)
+        return state, (line.say(offer_s=context.offer_s, left=distant),)
     state = state.with_coverage(given_up=state.coverage.given_up | (left - state.coverage.left_over))
     is_ = "is" if len(left) == 1 else "are"
     over = sorties.LEFT_OVER.format(segments=format_count(len(left), "segment"), is_=is_)
     return state, (sorties.EXPIRED.say(offer_s=context.offer_s, left=over),)
-
-
-def _describe_distant_segments(offer: TakeoffOffer) -> str:
-    was = "was" if len(offer.segments) == 1 else "were"
-    return sorties.DISTANT.format(segments=format_count(len(offer.segments), "segment"), was=was)

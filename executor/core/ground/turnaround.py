@@ -1,9 +1,9 @@
-"""A vehicle on its base between two sorties: the crew changes its pack, it is looked at, and flies again.
+"""Manage a vehicle at its base between two sorties: pack change, checks, next sortie.
 
-It waits for the crew's word, which names the pack. From then on it is looked at like before a first flight: whether it
-is ready, what its battery and its resting voltage say, whether its parameters are as the flight had set them. When that
-passes it is given its next sortie of the day, or a part of what is open where there is no plan of a day, and starts as
-soon as that is on board. What does not pass ends the crew's word, with one line; nobody starts by an older one.
+It waits for the crew's swap, which names the pack. Then it is checked as before a first flight: readiness, battery and
+rest voltage, and parameters as the flight set them. If the checks pass, it gets its next sortie of the day, or open
+segments without a day's plan, and starts once the mission is on board. If they fail, the clearance ends with one line;
+no vehicle starts on an old one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from executor.core.battery import account
 from executor.core.battery.account import PercentRounding
 from executor.core.battery.pack_condition import LEAST_SPARE_PCT, PackState, RestReading
 from executor.core.battery.voltage import VoltageState
-from executor.core.context import Context
+from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count, format_duration
 from executor.core.ground import pack_count
 from executor.core.ground.out_of_service import (
@@ -34,49 +34,50 @@ from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.bases import base_of, find_planned_landing, is_at_closed_base, place_vehicles, settle_at_base
-from executor.core.state.fleet_state import FleetState, Replan, Stepped
+from executor.core.state.fleet_state import FleetState, Replan, Stepped, step_each
 from executor.core.state.vehicle_parts import CLEARED_S, PlannedSortie, PowerState
 from executor.core.state.vehicle_state import VehicleState, current_setup_of
 from missions import build_flight_path, estimate
 from planner import segment_of
 
 READY_S = 90.0
-"""So long after the crew's word a vehicle may take to be ready: it boots, finds its place and settles."""
+"""Time for a vehicle to become ready after the swap: it boots, gets a fix and settles."""
 LATE_S = 30.0
-"""An examination that has not come to its end so much later than that never will."""
+"""Further time after which its checks count as failed."""
 PLACELESS_S = 10.0
-"""Who says so long not where it is may have rebooted: ArduPilot sends only heartbeats then until it is asked."""
+"""Time without a position after which it may have rebooted: ArduPilot then sends only HEARTBEATs until requested."""
 
 
 def begin_turnaround(
     context: Context, state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float
 ) -> Stepped:
-    """Take the crew's word that a vehicle's pack is changed and its pad clear: it is to be looked at."""
+    """Begin a turnaround on the crew's report that the pack is changed and the pad clear."""
     state, ready = return_to_service(state, vehicle)
     turned = settle_at_base(context, ready).with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
     return state.put(turned), (Examine(vehicle.name),)
 
 
 def apply_examination(context: Context, state: FleetState, event: Examined, now_s: float) -> Stepped:
-    """Take what was found on a vehicle: it may go, with which budget, or stays."""
+    """Apply the checks of a vehicle: it may fly, with which budget, or stays."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.turn.asked_s is None or vehicle.turn.ready_s is not None:
         return state, ()
     rebooted = vehicle.sortie.rebooted_s is not None
     if event.ready and event.changed and not event.sets and (rebooted or vehicle.turn.moved):
-        # It lost them as it booted, or its heights count from another pad; who changed them otherwise meant it.
+        # Lost at a reboot, or for the heights of another pad; any other change was intended.
         line = sorties.PARAMETERS_SET if rebooted else sorties.PARAMETERS_MOVED
         said = line.say(vehicle=vehicle.name, changes="; ".join(event.changed))
         return state, (said, Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, state, vehicle, event):
         return end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
-    heard = vehicle_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
+    claimed_pct, parameters = event.remaining_pct or 0.0, dict(event.parameters)
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
-    found = vehicle_checks.assess_pack_at_rest(setup, heard)
-    held_pct = heard.remaining_pct if found is None else found.held_pct
-    vehicle = _install_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
+    found = vehicle_checks.assess_pack_at_rest(setup, claimed_pct, event.voltage_v, event.cells, parameters)
+    held_pct = claimed_pct if found is None else found.held_pct
+    vehicle = _install_pack(setup, vehicle, event, held_pct, now_s)
     state = state.put(vehicle)
-    pack = _describe_pack(vehicle, heard, found)
+    named = sorties.NAMED_PACK.format(label=vehicle.turn.label) if vehicle.turn.label else sorties.ITS_PACK
+    pack = named + (sorties.REPORTS.format(left_pct=claimed_pct) if found is None else f" {found.standing.words}")
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
         why = sorties.PACK_POOR.format(pack=pack, reserve_pct=setup.reserve_pct)
         return end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
@@ -96,22 +97,20 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
 
 
 def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Send out who may go, end what took too long, and open what a lost vehicle had ahead of it."""
+    """Send out ready vehicles, end overdue turnarounds, and open the later sorties of lost vehicles."""
+
+    def advance(state: FleetState, name: str) -> Stepped:
+        state, told = _release_later_sorties(context, state, state.vehicles[name])
+        state, more = _advance_turnaround(context, state, state.vehicles[name], now_s)
+        return state, (*told, *more)
+
     state, told = _release_packless_sorties(context, state, now_s)
-    commands = list[Command](told)
-    for name in state.vehicles:
-        state, more = _release_later_sorties(context, state, state.vehicles[name])
-        commands.extend(more)
-        vehicle = state.vehicles[name]
-        if vehicle.turn.asked_s is None:
-            continue
-        state, more = _advance_turnaround(context, state, vehicle, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    state, more = step_each(state, state.vehicles, advance)
+    return state, (*told, *more)
 
 
 def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
-    """Take the solver's answer; one that has nothing for the sortie that it was asked for ends the crew's word."""
+    """Apply the solver's answer; without a route for the sortie the clearance ends."""
     plan = state.replanning.replan
     state, commands = replan_cycle.apply_solution(context, state, event, now_s)
     if plan is None or not plan.solve.sortie or event.routes is None or state.replanning.replan is not None:
@@ -122,7 +121,7 @@ def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded
     asked = frozenset((*plan.solve.open_segments, *plan.solve.left_over))
     left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     full_pct, in_time_pct = current_setup_of(context, vehicle).budget_pct, min_draw_pct(context, left_s)
-    if later_s is None:  # there will never be more time
+    if later_s is None:  # no later hours
         full_pct = min(full_pct, in_time_pct)
     good = offer.budget_pct >= full_pct - 2.0 * survivors.QUANTUM_PCT
     turn = replace(vehicle.turn, beyond=vehicle.turn.beyond | asked if good else vehicle.turn.beyond)
@@ -137,7 +136,7 @@ def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded
 
 
 def queue_first_sorties(context: Context, state: FleetState, now_s: float) -> FleetState:
-    """Return the state at the launch of a day: the crew's yes is for every first sortie that may begin now."""
+    """Return the state at a day's launch: the confirmation clears every first sortie that may begin now."""
     for vehicle in state.vehicles.values():
         stays = vehicle.armed or vehicle.sortie.rebooted_s is not None
         flies = find_next_sortie(state, vehicle) and not stays
@@ -147,25 +146,22 @@ def queue_first_sorties(context: Context, state: FleetState, now_s: float) -> Fl
 
 
 def record_sortie_start(state: FleetState, name: str, now_s: float) -> FleetState:
-    """Return the state in which a vehicle's next sortie is on board, and it is told to start."""
+    """Return the state with a vehicle's next sortie on board and commanded to start."""
     vehicle = state.vehicles[name]
     state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, ahead=vehicle.turn.ahead[1:]))
     return _close_intent(state, vehicle, Outcome.DONE, (None, sorties.ON_BOARD), now_s)
 
 
 def end_turnarounds_after_absence(state: FleetState, now_s: float) -> Stepped:
-    """End what the crew said before the ground station went away: somebody may stand at the pad by now."""
-    plan, commands = state.replanning.replan, list[Command]()
-    pending = frozenset[str]() if plan is None else plan.pending
-    for vehicle in state.vehicles.values():
-        if vehicle.turn.asked_s is not None and vehicle.name not in pending:
-            state, more = end_turnaround(state, vehicle, IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE, now_s)
-            commands.extend(more)
-    return state, tuple(commands)
+    """End clearances from before an absence of the ground station: a person may be at the pad by now."""
+    pending = frozenset[str]() if state.replanning.replan is None else state.replanning.replan.pending
+    turned = [one for one in state.vehicles.values() if one.name not in pending]
+    code, why = IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE
+    return step_each(state, turned, lambda state, one: end_turnaround(state, one, code, why, now_s))
 
 
 def find_awaited_vehicles(context: Context, state: FleetState, now_s: float) -> tuple[str, ...]:
-    """Return the vehicles on their bases whose turnaround is under way, or that have a sortie to fly once it is."""
+    """Return the vehicles at their bases in turnaround, or with a sortie to follow one."""
     day, launched_s = context.day, state.progress.launched_s
     if launched_s is None or state.progress.recalled:
         return ()
@@ -192,18 +188,18 @@ def _is_done_for_day(context: Context, state: FleetState, vehicle: VehicleState,
 
 
 def is_in_service(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle stands on its base, kept from another sortie by its pack, or a closed base, alone."""
+    """Return whether a vehicle at its base needs only a pack, or its base opened, for another sortie."""
     out = vehicle.fault is not None or vehicle.orders.excluded or vehicle.custody.taken is not None
     return vehicle.stage in survivors.ON_GROUND and not out and not vehicle.armed
 
 
 def find_unplanned_segments(context: Context, state: FleetState) -> frozenset[int]:
-    """Return what is open and in nobody's sorties."""
+    """Return the open segments in no sortie."""
     return replan_cycle.find_left_over_segments(state) | replan_cycle.find_orphan_segments(context, state)
 
 
 def find_next_sortie(state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
-    """Return what is still open of a vehicle's next sortie, or of the first later one of which anything is."""
+    """Return the open visits of a vehicle's next sortie that has any."""
     others = frozenset(
         segment_of(visit)
         for one in state.mission_vehicles()
@@ -214,7 +210,7 @@ def find_next_sortie(state: FleetState, vehicle: VehicleState) -> tuple[int, ...
 
 
 def describe_awaited_sortie(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
-    """Return what a vehicle on its base waits for; empty where a day has nothing for it."""
+    """Return what a vehicle at its base waits for; empty if the day has nothing for it."""
     if context.day is None or state.progress.launched_s is None or not is_in_service(vehicle):
         return ""
     if is_at_closed_base(context, state, vehicle):
@@ -226,15 +222,15 @@ def describe_awaited_sortie(context: Context, state: FleetState, vehicle: Vehicl
     if not open_:
         return ""
     awaited = sorties.AWAITED if visits else sorties.AWAITED_OPEN
-    waits = awaited.format(number=_next_sortie_number(vehicle), segments=format_count(open_, "segment"))
+    waits = awaited.format(number=len(vehicle.turn.sorties) + 1, segments=format_count(open_, "segment"))
     packs = pack_count.describe_packs(pack_count.count_packs(context, state, vehicle.name, now_s))
     return sorties.WITH_PACKS.format(waits=waits, packs=packs) if packs else waits
 
 
 def describe_hours_conflict(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
-    """Return why a vehicle's next sortie does not fit into its hours; empty if it does, or nobody set any.
+    """Return why a vehicle's next sortie does not fit its hours; empty if it does, or there are none.
 
-    In its last hours a part of the sortie is flown, as far as the time goes.
+    In its last hours part of the sortie is flown, as far as time permits.
     """
     left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     visits = find_next_visits(context, state, vehicle)
@@ -249,7 +245,7 @@ def describe_hours_conflict(context: Context, state: FleetState, vehicle: Vehicl
 
 
 def _describe_unreadiness(context: Context, state: FleetState, vehicle: VehicleState, event: Examined) -> str:
-    """Return why a vehicle may not go, whatever its pack is; empty if it may."""
+    """Return why a vehicle may not fly with any pack; empty if it may."""
     setup, obstacles = context.vehicles[vehicle.name], survivors.find_takeoff_obstacles(context, state, vehicle)
     if not event.ready or event.remaining_pct is None:
         return event.reason or sorties.NO_BATTERY_STATE
@@ -265,14 +261,14 @@ def _describe_unreadiness(context: Context, state: FleetState, vehicle: VehicleS
 
 
 def _install_pack(
-    context: Context, vehicle: VehicleState, heard: vehicle_checks.PackReading, overstated_pct: float, now_s: float
+    setup: VehicleSetup, vehicle: VehicleState, event: Examined, held_pct: float, now_s: float
 ) -> VehicleState:
-    """Return a vehicle whose battery's account begins anew; what was learned of the vehicle itself stays."""
-    setup, known = context.vehicles[vehicle.name].with_pack(vehicle.turn.label), vehicle.power
+    """Return a vehicle with its battery account restarted; its learned figures stay."""
+    known, claimed_pct = vehicle.power, event.remaining_pct or 0.0
     prior = account.derive_prior(known.battery, setup.prior)
-    battery = account.restart_account(known.battery, heard.remaining_pct, 0, now_s, prior, setup.dialect.percent_middle)
-    facts = vehicle_checks.pack_facts_from_parameters(heard.parameters)
-    rest = None if heard.voltage_v is None else RestReading(heard.voltage_v, heard.remaining_pct, now_s)
+    battery = account.restart_account(known.battery, claimed_pct, 0, now_s, prior, setup.dialect.percent_middle)
+    facts = vehicle_checks.pack_facts_from_parameters(dict(event.parameters))
+    rest = None if event.voltage_v is None else RestReading(event.voltage_v, claimed_pct, now_s)
     power = PowerState(
         battery=battery,
         roundings=PercentRounding(),
@@ -280,20 +276,12 @@ def _install_pack(
         pack=PackState(known.pack.facts.override_with(facts), rest=rest, resting=rest is not None),
         began_pct=known.began_pct,
     )
-    turn = replace(vehicle.turn, swaps=vehicle.turn.swaps + 1, overstated_pct=max(0.0, overstated_pct))
+    turn = replace(vehicle.turn, swaps=vehicle.turn.swaps + 1, overstated_pct=max(0.0, claimed_pct - held_pct))
     return replace(vehicle, power=power, turn=turn)
 
 
-def _describe_pack(
-    vehicle: VehicleState, heard: vehicle_checks.PackReading, found: vehicle_checks.PackAtRest | None
-) -> str:
-    named = sorties.NAMED_PACK.format(label=vehicle.turn.label) if vehicle.turn.label else sorties.ITS_PACK
-    reports = sorties.REPORTS.format(left_pct=heard.remaining_pct)
-    return named + (reports if found is None else f" {found.standing.words}")
-
-
 def _release_later_sorties(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
-    """Open to the others what a vehicle had ahead of it that is out of the plan."""
+    """Open the later sorties of a vehicle that is out of the plan to others."""
     stays = vehicle.fault is not None or vehicle.orders.excluded or is_at_closed_base(context, state, vehicle)
     if not vehicle.turn.ahead or not stays:
         return state, ()
@@ -303,9 +291,9 @@ def _release_later_sorties(context: Context, state: FleetState, vehicle: Vehicle
 
 
 def _release_packless_sorties(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Open to the others what the vehicles of a base had ahead of them that has no pack for it any more that day.
+    """Open the later sorties of vehicles whose base has no more packs for the day.
 
-    A vehicle that is being turned around may leave its pack to another one.
+    A vehicle in turnaround may leave its pack to another one.
     """
     commands: list[Command] = []
     for base in () if context.day is None else context.day.packs:
@@ -323,7 +311,7 @@ def _release_packless_sorties(context: Context, state: FleetState, now_s: float)
 def _open_later_sorties(
     context: Context, state: FleetState, vehicles: tuple[VehicleState, ...]
 ) -> tuple[FleetState, int]:
-    """Open what vehicles had ahead of them; returns with the state how many segments that are."""
+    """Open the later sorties of vehicles; return the state and the number of segments."""
     visits = {segment_of(visit) for own in vehicles for sortie in own.turn.ahead for visit in sortie.visits}
     left = visits - set(state.coverage.inspected)
     for vehicle in vehicles:
@@ -333,11 +321,11 @@ def _open_later_sorties(
 
 def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     turn, plan = vehicle.turn, state.replanning.replan
-    if plan is not None and vehicle.name in plan.pending:
+    if turn.asked_s is None or (plan is not None and vehicle.name in plan.pending):
         return state, ()
     if over := _find_end_reason(context, state, vehicle, now_s):
         return end_turnaround(state, vehicle, *over, now_s)
-    # The first reports after the launch come in a moment.
+    # The first reports after launch arrive within a moment.
     placed = _last_position_s(vehicle) >= now_s - context.limits.link_stale_s
     unknown = vehicle.power.battery.remaining_pct is None or not placed
     busy = plan is not None or now_s < state.replanning.wait_until_s or unknown
@@ -347,7 +335,7 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
 
 
 def _find_end_reason(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Reason | None:
-    """Return why the crew's word for a vehicle does not hold any more; None where it does."""
+    """Return why the clearance of a vehicle no longer holds; None if it does."""
     turn = vehicle.turn
     if state.progress.recalled:
         return operator.ABORTED
@@ -372,7 +360,7 @@ def _last_position_s(vehicle: VehicleState) -> float:
 
 
 def _is_slot_free(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether nobody else took off from the same base just now."""
+    """Return whether no other vehicle has just taken off from the same base."""
     day = context.day
     if day is None:
         return True
@@ -389,7 +377,7 @@ def _is_slot_free(context: Context, state: FleetState, vehicle: VehicleState, no
 def _assign_next_sortie(
     context: Context, state: FleetState, vehicle: VehicleState, ready_s: float, now_s: float
 ) -> Stepped:
-    """Give a vehicle its next sortie: as it was planned, or made anew from what is open within its budget."""
+    """Assign a vehicle its next sortie: as planned, or planned again from open segments within its budget."""
     offer, pool = survivors.build_pad_survivor(context, state, vehicle), find_unplanned_segments(context, state)
     visits, said = find_next_sortie(state, vehicle), list[Command]()
     pool -= set(offer.barred) | vehicle.turn.beyond
@@ -403,7 +391,7 @@ def _assign_next_sortie(
         said.append(sorties.TAKES_OVER.say(vehicle=vehicle.name, giver=giver, segments=count))
     if not visits and not pool:
         return end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, sorties.NO_SEGMENT, now_s)
-    ahead = vehicle.turn.ahead  # from the first of which anything is open
+    ahead = vehicle.turn.ahead  # from the first sortie with an open visit
     while ahead and not set(visits) & set(ahead[0].visits):
         ahead = ahead[1:]
     vehicle = vehicle.with_turn(ahead=ahead or (PlannedSortie((), 0.0),)).with_orders(cleared_s=ready_s)
@@ -415,12 +403,12 @@ def _assign_next_sortie(
     lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
     left_s, _ = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     as_planned = whole and costs_pct * offer.consumption <= offer.budget_pct and lasts_s <= left_s
-    if not as_planned:  # it lands within its hours, whatever is found for it
+    if not as_planned:  # it lands within its hours, whatever the route
         most_pct = min_draw_pct(context, left_s)
         offer = replace(offer, budget_pct=min(offer.budget_pct, most_pct), most_pct=min(offer.most_pct, most_pct))
     revision = state.replanning.revision + 1
     own = frozenset(segment_of(visit) for visit in visits)
-    trigger = sorties.SORTIE.format(vehicle=vehicle.name, number=_next_sortie_number(vehicle))
+    trigger = sorties.SORTIE.format(vehicle=vehicle.name, number=len(vehicle.turn.sorties) + 1)
     solve = Solve(
         revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
         visits if as_planned else (),
@@ -432,7 +420,7 @@ def _assign_next_sortie(
 
 
 def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
-    """Return what a vehicle would fly next of what is planned: its own sortie, or one that it takes over."""
+    """Return the planned visits a vehicle would fly next: its own sortie, or one it takes over."""
     visits = find_next_sortie(state, vehicle)
     if visits or context.day is None:
         return visits
@@ -443,9 +431,9 @@ def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState)
 def find_sortie_to_take_over(
     context: Context, state: FleetState, vehicle: VehicleState
 ) -> tuple[str, tuple[int, ...]] | None:
-    """Return whose last sortie a vehicle without one can fly, and what is open of it: of who has most ahead.
+    """Return a sortie that a vehicle without one can take over: its owner, the one with most ahead, and open visits.
 
-    The next sortie of a vehicle that waits on its base stays its own.
+    The next sortie of a vehicle waiting at its base stays its own.
     """
     givers = [(_list_open_sorties(state, one), one) for one in state.vehicles.values() if one.name != vehicle.name]
     offer, setup = survivors.build_pad_survivor(context, state, vehicle), current_setup_of(context, vehicle)
@@ -463,14 +451,14 @@ def find_sortie_to_take_over(
 def _list_open_sorties(
     state: FleetState, vehicle: VehicleState, others: frozenset[int] = frozenset()
 ) -> list[tuple[int, ...]]:
-    """Return what is open of each later sortie of a vehicle of which anything is, but for what others fly now."""
+    """Return the open visits of each later sortie of a vehicle, without those others fly now."""
     gone = others | set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
     sorties = (tuple(one for one in sortie.visits if segment_of(one) not in gone) for sortie in vehicle.turn.ahead)
     return [visits for visits in sorties if visits]
 
 
 def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> tuple[float, float]:
-    """Return how long a sortie takes, and what it costs by the model, in percent of a full battery."""
+    """Return the time of a sortie, and its modelled energy in percent of a full battery."""
     lands = find_planned_landing(context, vehicle, visits)
     on_its_way = vehicle.with_turn(lands_at=lands, asked_s=vehicle.turn.asked_s or 0.0)
     setup = place_vehicles(context, (on_its_way,)).setup
@@ -478,12 +466,8 @@ def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int,
     return found.duration_s, found.energy_pct
 
 
-def _next_sortie_number(vehicle: VehicleState) -> int:
-    return len(vehicle.turn.sorties) + 1
-
-
 def end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
-    """End the crew's word without a start: it has to be given again."""
+    """End a clearance without a start: the crew has to give it again."""
     if vehicle.turn.asked_s is None:
         return state, ()
     state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, lands_at="").with_orders(cleared_s=None))

@@ -1,1 +1,1 @@
-"""Whether what was flown was seen, and what is wrong with cameras."""
+"""Decide whether flown segments were seen, and detect camera faults."""

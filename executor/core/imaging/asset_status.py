@@ -1,10 +1,10 @@
-"""What became of each asset: whether its pictures show all of it, and looking again at those that an operator names.
+"""Track each asset: whether its pictures cover it, and second inspections that an operator requests by name.
 
-Assets are those that ask for pictures where a site has any, else all segments. One is named as everywhere: a text is
-its name, which `pylon V101-4` may share with others, a number its segment.
+Assets are the segments that require pictures if a site has any, else all segments. A text is an asset's name, which
+several may share, as `pylon V101-4`; a number is its segment.
 
-Flown is not seen: one that was flown waits for the words of its pictures; those that got lost are asked for again. What
-is not shown then was flown but not seen, and is planned again like anything else that is open.
+Flown is not seen: a flown asset waits for the reports of its pictures, and lost reports are requested again. An asset
+they do not cover was flown but not seen, and is planned again like any open segment.
 """
 
 from __future__ import annotations
@@ -30,66 +30,67 @@ from missions.cameras import FIRST_COMPONENT, SpanCameraTask, Trigger
 from missions.inspection_height import visit_distances_m
 from planner import segment_of
 
-ROUNDED = 0.01
-"""Of the distance between two pictures: a track of 99.999 m has room for as many as one of 100 m."""
-WAITS_S = 8.0
-"""For the words of pictures, once a span is flown: time to ask for a lost one three times."""
-ASK_AGAIN_S = 2.0
-TRIES = 8
-"""Where a fifth of all frames is lost each way, three questions leave one picture of a hundred unknown."""
-AT_ONCE = 5
-"""Pictures that are asked for in one turn."""
-LATE_M = 2.5
-"""A picture may be taken, or said to be, this much later than it was asked for; two fixes add to it."""
-SPACES = 1.5
-"""Times the distance that was asked for: one picture that is missing leaves twice as much."""
-FILM_S = 3.0
-"""A camera says once a second that it films, and a word may be lost."""
+COUNT_ROUNDING = 0.01
+"""Rounding of the number of pictures: a track of 99.999 m has as many as one of 100 m."""
+PICTURE_TIMEOUT_S = 8.0
+"""Time to wait for picture reports after a span is flown; a lost one can be requested three times."""
+REQUEST_INTERVAL_S = 2.0
+MAX_REQUESTS = 8
+"""Requests for a lost picture; with a fifth of all frames lost each way, three leave one picture in a hundred
+unknown."""
+REQUESTS_AT_ONCE = 5
+"""Pictures requested at once."""
+PICTURE_DELAY_M = 2.5
+"""Distance by which a picture may be taken, or reported, late, including the error of two fixes."""
+SPACING_FACTOR = 1.5
+"""Largest gap between pictures, as a multiple of their spacing; a missing one leaves twice the spacing."""
+FILM_REPORT_S = 3.0
+"""Longest gap between reports of a filming camera, which come once a second and may be lost."""
 
 
 class AssetState(Enum):
-    """What became of an asset."""
+    """The state of an asset."""
 
     OPEN = "open"
     SEEN = "seen"
-    """It counts: by its pictures, or by positions where it asks for none."""
+    """It counts, by its pictures, or by positions if it requires none."""
     INFERRED = "inferred"
     """It counts by evidence alone."""
     MISSED = "missed"
-    """It was flown, and pictures of it are missing; it is flown again."""
+    """It was flown, and pictures are missing; it is flown again."""
     GIVEN_UP = "given_up"
-    """Nobody flies it any more in this flight."""
+    """It is no longer flown in this flight."""
     LEFT_OVER = "left_over"
-    """It is the next sortie's."""
+    """It is left for the next sortie."""
 
 
 @dataclass(frozen=True, slots=True)
 class AssetView:
-    """One asset."""
+    """An asset as displayed."""
 
     segment: int
     state: AssetState
     pictures: int
-    """How many there are of those that it asks for; a film is none."""
+    """Number of the required pictures taken; a film is none."""
     asked: int
-    """How many pictures it asks for; 0 where positions or a film prove it."""
+    """Number of pictures required; 0 where positions or a film prove it."""
     vehicle: str | None
-    """Who has seen it, or flew it last; None where nobody did."""
+    """The vehicle that has seen it, or flew it last; None if none."""
 
 
 AskedPictures = Mapping[int, Mapping[str, int]]
-"""By segment: how many pictures it asks of each camera."""
+"""By segment, the number of pictures required of each camera."""
 
 
 def list_asked_pictures(context: Context) -> AskedPictures:
-    """Return the assets that there are to show, with what each asks for; the same during a whole flight."""
+    """Return the assets to display, with the pictures each requires; constant during a flight."""
     looks = context.setup.looks
     wanted = context.wanted & {*looks.spans, *looks.pylons} if looks else context.wanted
     return {segment: _count_asked_pictures(context, segment) for segment in sorted(wanted)}
 
 
 def build_asset_views(context: Context, state: FleetState, asked: AskedPictures) -> tuple[AssetView, ...]:
-    """Return what became of each of them, by their numbers."""
+    """Return the state of each asset, in the order of their numbers."""
     gone, left = find_missed_segments(context, state), find_left_over_segments(state)
     flew = {**state.coverage.not_seen}
     flew |= {segment: waits.vehicle for segment, waits in state.coverage.unseen.items()}
@@ -123,15 +124,15 @@ def _count_asked_pictures(context: Context, segment: int) -> dict[str, int]:
     begin_m, end_m = context.setup.tracks_m[segment]
     length_m = math.dist(begin_m, end_m)
     return {
-        # The one at its beginning may be the last of the span before.
-        look.camera: max(1, math.floor(length_m / look.every_m + ROUNDED))
+        # The one at its start may be the last of the previous span.
+        look.camera: max(1, math.floor(length_m / look.every_m + COUNT_ROUNDING))
         for look in looks.spans.get(segment, ())
         if look.every_m > 0
     }
 
 
 def _count_pictures(coverage: Coverage, segment: int, asked: Mapping[str, int]) -> int:
-    """Return how many of them there are: more of one camera do not stand for those that another lacks."""
+    """Return the number of required pictures taken; a surplus of one camera does not replace another's."""
     caught = set(coverage.caught.get(segment, ()))
     return sum(min(most, sum(one == camera for one, _ in caught)) for camera, most in asked.items()) if caught else 0
 
@@ -139,8 +140,8 @@ def _count_pictures(coverage: Coverage, segment: int, asked: Mapping[str, int]) 
 def select_segments_to_reinspect(
     context: Context, state: FleetState, assets: Sequence[int | str]
 ) -> frozenset[int] | Reason:
-    """Return the segments that are looked at again, or why one of the assets cannot be: nothing is done by halves."""
-    # What no vehicle has a camera for that works.
+    """Return the segments to inspect again, or why one asset cannot be; then none is."""
+    # Segments for which no vehicle has a working camera.
     barred = [find_barred_segments(context, state, vehicle) for vehicle in state.vehicles.values()]
     blind = frozenset.intersection(*barred) if barred else frozenset[int]()
     again, coverage = set[int](), state.coverage
@@ -152,7 +153,7 @@ def select_segments_to_reinspect(
         flown = (found & context.wanted) - blind
         if not flown:
             return _object_to_segment(context, min(found))
-        # What nobody is to fly: it counts, its pictures are waited for, or it was given up.
+        # Closed ones: they count, wait for pictures, or were given up.
         closed = flown & {*coverage.inspected, *coverage.unseen, *coverage.given_up}
         if not closed:
             return fill_in(operator.ASSET_OPEN, asset=context.segment_name(min(flown)))
@@ -161,20 +162,20 @@ def select_segments_to_reinspect(
 
 
 def reopen_segments(coverage: Coverage, again: frozenset[int]) -> Coverage:
-    """Return the coverage in which segments are open as if nobody had flown them."""
+    """Return the coverage with segments open as if never flown."""
     was_seen = again & set(coverage.inspected)
     return replace(
         discard_proof(coverage, again),
         unseen=MappingProxyType({one: waits for one, waits in coverage.unseen.items() if one not in again}),
-        # What was missed once and seen later is not missed now: somebody wants it better.
+        # A segment missed once and seen later is not missed: a better inspection is wanted.
         not_seen=MappingProxyType({one: by for one, by in coverage.not_seen.items() if one not in was_seen}),
-        # It gets as many tries as anything that was never flown.
+        # It gets as many attempts as a segment never flown.
         attempts=MappingProxyType({one: tries for one, tries in coverage.attempts.items() if one not in again}),
     )
 
 
 def discard_proof(coverage: Coverage, again: frozenset[int]) -> Coverage:
-    """Return the coverage in which segments do not count, and what proved them does not either."""
+    """Return the coverage with segments not counting, and without their proof."""
     return replace(
         coverage,
         inspected=MappingProxyType({one: by for one, by in coverage.inspected.items() if one not in again}),
@@ -206,16 +207,16 @@ def _object_to_segment(context: Context, segment: int) -> Reason:
 
 
 def requires_pictures(context: Context, segment: int) -> bool:
-    """Return whether a segment asks for pictures."""
+    """Return whether a segment requires pictures."""
     return segment in context.setup.looks.spans or segment in context.setup.looks.pylons
 
 
 def record_flown_segments(
     context: Context, state: FleetState, vehicle: str, segments: Iterable[tuple[int, SegmentPass | None]], now_s: float
 ) -> FleetState:
-    """Take what was flown: it is inspected, or waits for its pictures.
+    """Record flown segments: inspected, or waiting for their pictures.
 
-    What counts already counts by the nearer of two.
+    A segment that counts already keeps the closer of two inspections.
     """
     coverage = state.coverage
     inspected, passes, unseen = dict(coverage.inspected), dict(coverage.flown), dict(coverage.unseen)
@@ -250,9 +251,9 @@ def record_flown_segments(
 
 
 def _inspection_distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]:
-    """Return at which distances the mission on board inspects; nothing where every vehicle does so in its layer.
+    """Return the distances at which the mission on board inspects; empty if every vehicle inspects in its layer.
 
-    Of a segment that it has before it once more, from where it was the first time.
+    For a segment that it visits again later, the distance of the first visit.
     """
     board, found = vehicle.assignment.board, dict[int, float]()
     if board is None or not context.setup.inspection.same_distance:
@@ -266,9 +267,9 @@ def _inspection_distances_m(context: Context, vehicle: VehicleState) -> Mapping[
 
 
 def record_passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
-    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own report.
+    """Record pylons as flown once the vehicle reports an item past their last viewpoint.
 
-    Of viewpoints that were passed while nothing was heard, one counts as left behind without a picture.
+    Of viewpoints passed without contact, one counts as left without a picture.
     """
     vehicle = state.vehicles[before.name]
     board, was, now = vehicle.assignment.board, before.assignment.waypoint, vehicle.assignment.waypoint
@@ -289,7 +290,7 @@ def record_passed_pylons(context: Context, state: FleetState, before: VehicleSta
 
 
 def describe_unseen_parts(context: Context, segment: int, caught: Iterable[tuple[str, float]]) -> list[str]:
-    """Return in words what pictures do not show of a segment; nothing where they show all of it."""
+    """Return in words the parts of a segment that pictures do not show; empty if they show all."""
     pylon = context.setup.looks.pylons.get(segment)
     if pylon is not None:
         had = {int(at_m) for camera, at_m in caught if camera == pylon.camera}
@@ -310,19 +311,19 @@ def describe_unseen_parts(context: Context, segment: int, caught: Iterable[tuple
 
 
 def max_picture_spacing_m(look: SpanCameraTask, speed_m_s: float) -> float:
-    """Return how far two pictures next to each other may be apart."""
+    """Return the largest distance between two adjacent pictures."""
     if look.trigger is Trigger.VIDEO:
-        return FILM_S * speed_m_s + LATE_M
-    return SPACES * look.every_m + LATE_M
+        return FILM_REPORT_S * speed_m_s + PICTURE_DELAY_M
+    return SPACING_FACTOR * look.every_m + PICTURE_DELAY_M
 
 
 def find_unseen_stretches(length_m: float, seen_at_m: Iterable[float], most_m: float) -> list[tuple[float, float]]:
     """Return the stretches of a span that no picture shows, from a.
 
     Args:
-        length_m: Of the span's flight track.
-        seen_at_m: Where along it pictures were taken that count.
-        most_m: How far two of them may be apart, and the first and the last from the ends.
+        length_m: Length of the span's flight track.
+        seen_at_m: Distances along it of the pictures that count.
+        most_m: Largest distance between two of them, and of the first and last one from the ends.
 
     >>> find_unseen_stretches(40.0, [0.0, 10.0, 30.0, 40.0], 15.0)
     [(10.0, 30.0)]
@@ -336,7 +337,7 @@ def find_unseen_stretches(length_m: float, seen_at_m: Iterable[float], most_m: f
 
 
 def find_missed_segments(context: Context, state: FleetState) -> frozenset[int]:
-    """Return what was flown and is not seen: at once, while the words of pictures may still come."""
+    """Return the segments flown and not seen, including those whose reports may still come."""
     waiting = {
         segment
         for segment in set(state.coverage.unseen) - set(state.coverage.inspected)
@@ -346,7 +347,7 @@ def find_missed_segments(context: Context, state: FleetState) -> frozenset[int]:
 
 
 def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Ask again for lost words, and judge what was flown."""
+    """Request lost reports again, and judge flown segments."""
     if not context.setup.looks:
         return state, ()
     state, asked = _request_lost_pictures(state, now_s)
@@ -354,7 +355,7 @@ def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped
     for segment, waits in state.coverage.unseen.items():
         caught = state.coverage.caught if waits.nearer_m is None else state.coverage.caught_nearer
         why = describe_unseen_parts(context, segment, caught.get(segment, ()))
-        if why and now_s - waits.since_s < WAITS_S:
+        if why and now_s - waits.since_s < PICTURE_TIMEOUT_S:
             continue
         unseen = {one: other for one, other in state.coverage.unseen.items() if one != segment}
         state = state.with_coverage(unseen=MappingProxyType(unseen))
@@ -379,11 +380,11 @@ def _judge_segment(context: Context, state: FleetState, segment: int, vehicle: s
 def _judge_nearer_pictures(
     context: Context, state: FleetState, segment: int, vehicle: str, at_m: float, why: list[str]
 ) -> Stepped:
-    """Judge what counted already: by pictures from nearer, where they show all of it."""
+    """Judge a segment that counts already by its closer pictures, if they cover it."""
     coverage, name = state.coverage, context.segment_name(segment)
     others = {one: had for one, had in coverage.caught_nearer.items() if one != segment}
     state = state.with_coverage(caught_nearer=MappingProxyType(others))
-    if why:  # nothing is said where somebody has it open again meanwhile
+    if why:  # no line for a segment reopened meanwhile
         said = pictures.COUNTS_AS_BEFORE.say(vehicle=vehicle, segment=name, why="; ".join(why))
         return state, (said,) if segment in coverage.inspected else ()
     return state.with_coverage(
@@ -397,11 +398,13 @@ def _judge_nearer_pictures(
 def _request_lost_pictures(state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
-        # An autopilot says each once.
+        # An autopilot reports each picture once.
         cameras = [one for one in vehicle.payload.cameras if one.component >= FIRST_COMPONENT]
         payload = vehicle.payload
         for camera in cameras if vehicle.stage in IN_THE_AIR and not vehicle.link.stale else ():
-            due = [one for one in camera.wanted if one.tries < TRIES and now_s - one.at_s >= ASK_AGAIN_S][:AT_ONCE]
+            due = [one for one in camera.wanted if one.tries < MAX_REQUESTS and now_s - one.at_s >= REQUEST_INTERVAL_S][
+                :REQUESTS_AT_ONCE
+            ]
             if due:
                 asked = {one.sequence: WantedPicture(one.sequence, one.tries + 1, now_s) for one in due}
                 wanted = tuple(asked.get(one.sequence, one) for one in camera.wanted)

@@ -1,6 +1,6 @@
-"""Cameras and gimbals that do not do their work: found where they should, told, and flown home or on with.
+"""Detect cameras and gimbals that do not work, report them, and return their vehicle or let it continue.
 
-Each is a level, looked at on every tick while a vehicle moves along a span that asks for pictures.
+Each fault is a level, evaluated on every tick while a vehicle moves along a span that requires pictures.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ from dataclasses import replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.commands import Command
 from executor.core.lines import pictures
 from executor.core.payload.camera_state import CameraRecord
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.replanning.withdrawal import declare_fault, withdraw_vehicle
-from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.fleet_state import FleetState, Stepped, step_each
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions.cameras import FIRST_COMPONENT, Capture, Trigger
 from planner import segment_of
@@ -25,34 +24,31 @@ from planner import segment_of
 CameraFinding = tuple[FaultCode, str]
 
 MOVES = 0.5
-"""Share of the inspection speed from which on pictures are due."""
+"""Share of the inspection speed from which pictures are due."""
 PICTURES_LATE = 4
-"""So many pictures that did not come are none that got lost, unless the link loses many."""
+"""Missing pictures in a row that are not lost reports, unless the link loses many."""
 VIEWPOINTS_LATE = 6
-"""The same of single pictures."""
+"""The same for single pictures."""
 RARE = 1e-5
-"""Of rows of pictures whose words all got lost: so seldom a camera may be called silent that is not."""
+"""Probability that a row of reports is lost by chance: rate of false alarms for a silent camera."""
 MOST_LOST = 0.5
-"""A link that loses more does not wait for longer."""
+"""Largest frame loss that lengthens the row."""
 LATEST_S = 8.0
-"""A camera says once a second that it is there; a word that got lost is asked for three times in this time."""
+"""Longest delay of a report: a camera reports once a second, and a lost report is requested three times in this
+time."""
 HEARD_S = 4.0
 FAILURES = BESIDE = 3
 LEAST_MIB = 1.0
 OFF_S = 5.0
-"""A gimbal has turned after this."""
+"""Time for a gimbal to turn."""
 FRESH_S = 3.0
 
 
 def check_cameras(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Look at the cameras of everybody who is on a span."""
+    """Check the cameras of all vehicles on a span."""
     if not context.setup.looks:
         return state, ()
-    commands: list[Command] = []
-    for name in state.vehicles:
-        state, more = _check_vehicle_cameras(context, state, name, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+    return step_each(state, state.vehicles, lambda state, name: _check_vehicle_cameras(context, state, name, now_s))
 
 
 def _check_vehicle_cameras(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
@@ -70,7 +66,7 @@ def _check_vehicle_cameras(context: Context, state: FleetState, name: str, now_s
 
 
 def _track_camera_work(context: Context, vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return the vehicle with since when it moves along the span under way, and points wrong."""
+    """Return the vehicle with the start of its motion along the span, and of a wrong gimbal direction."""
     leg, fix, known = vehicle.leg, vehicle.motion.fix, vehicle.payload
     moves = fix is not None and math.hypot(*fix.velocity_m_s[:2]) >= MOVES * context.inspection_speed_m_s
     working = off_s = None
@@ -84,7 +80,7 @@ def _track_camera_work(context: Context, vehicle: VehicleState, now_s: float) ->
 
 
 def _is_on_leg(vehicle: VehicleState) -> bool:
-    """Return whether it flies a leg of its mission, and it is known of which: not while it is given a new one."""
+    """Return whether it flies a known leg of its mission; unknown during an upload."""
     return vehicle.stage is Stage.FLYING and vehicle.assignment.pending is None
 
 
@@ -93,7 +89,7 @@ def _is_gimbal_off(vehicle: VehicleState, capture: Capture, now_s: float) -> boo
     if capture.pitch_deg is None or known.gimbal is None or known.gimbal_s is None or now_s - known.gimbal_s > FRESH_S:
         return False
     if capture.region is not None:
-        return known.gimbal.failed  # it follows the target on the way, and is at that pitch where the picture is taken
+        return known.gimbal.failed  # it tracks the target, and reaches that pitch where the picture is taken
     return known.gimbal.failed or abs(known.gimbal.pitch_deg - capture.pitch_deg) > capture.aim_deg
 
 
@@ -122,7 +118,7 @@ def _find_camera_faults(
 
 
 def _count_misses_needed(vehicle: VehicleState, memory: CameraRecord, least: int) -> int:
-    """Return how many pictures in a row without a word are none that got lost; a MAVLink camera is asked again."""
+    """Return the number of missing pictures that rules out lost reports; a MAVLink camera is asked again."""
     lost = vehicle.link.quality.lost or 0.0
     if memory.component >= FIRST_COMPONENT or lost <= 0.0:
         return least
@@ -132,7 +128,7 @@ def _count_misses_needed(vehicle: VehicleState, memory: CameraRecord, least: int
 def _find_late_pictures(
     context: Context, capture: Capture, memory: CameraRecord, row: int, since_s: float, now_s: float
 ) -> Iterator[CameraFinding]:
-    """Yield what is wrong with a camera that is to take a row of pictures, or to film."""
+    """Yield the fault of a camera that should take a row of pictures, or film."""
     every_s = capture.every_m / context.inspection_speed_m_s
     late_s = LATEST_S if capture.is_filming else max(LATEST_S, row * every_s)
     last_s = since_s if memory.picture_s is None else max(since_s, memory.picture_s)

@@ -1,1 +1,1 @@
-"""While vehicles fly: who controls them, faults, return home, climbs."""
+"""Vehicles in flight: control, faults, return, climb conflicts, telemetry radios."""

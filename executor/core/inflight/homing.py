@@ -1,19 +1,24 @@
-"""The way home: when RTL or a landing may be commanded.
+"""Decide when RTL or a landing may be commanded.
 
-An order is given once, and again only if it was lost or refused.
+A command is sent once, and again only if it was lost or refused.
 
-An autopilot that acts on an emergency of its own is left to that, and so is one that comes down over its own pad: a
-descent must not become a flight.
+An autopilot in its own emergency is left alone, and so is a vehicle that descends over its pad: a descent must not
+become a flight.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
+from typing import Literal
 
 from executor.core.context import Context
 from executor.core.formatting import join_first_names
-from executor.core.inflight.custody.mode_causes import is_failsafe_in_hold, is_long_hold, is_under_foreign_control
+from executor.core.inflight.custody.mode_causes import (
+    is_failsafe_in_hold,
+    is_holding,
+    is_long_hold,
+    is_under_foreign_control,
+)
 from executor.core.interface.commands import Command, LandNow, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
 from executor.core.lines import custody
@@ -26,50 +31,33 @@ from missions.area_rules import find_areas_on_return
 from missions.autopilots.dialect import is_home_mode, is_mission_mode
 
 REFUSED_AGAIN_S = 5.0
-"""After a refusal an order is given again this much later."""
+"""Wait after a refusal before the command is sent again."""
 FRESH_FIX_S = 1.5
-"""Who was not heard is asked where it is before it is told where to go; so long its position is waited for."""
+"""Wait for a position of a vehicle just regained before it is commanded."""
 SINKS_M_S = 0.3
 STOPPED_S = 5.0
-"""A vehicle whose motors were stopped shows within this time that it is disarmed, if it was so."""
+"""Time in which a vehicle whose motors were stopped reports disarmed."""
 UNSAID_S = 5.0
-"""So long without HEARTBEAT its mode is not known."""
-
-
+"""Time without HEARTBEAT after which its mode is unknown."""
 MOST_NAMED = 3
-"""Areas that a line to the crew names."""
+"""Areas named in a line to the crew."""
 
-
-class HomingAction(Enum):
-    """What is to be done about a vehicle that should come home."""
-
-    RETURN = "return"
-    LAND = "land"
-    LEAVE = "leave"
-    """It is left to what it does."""
-    WAIT = "wait"
-
-
-@dataclass(frozen=True, slots=True)
-class HomingAdvice:
-    """An answer with its reason."""
-
-    answer: HomingAction
-    words: str = ""
+HomingAdvice = tuple[Literal["return", "land", "leave", "wait"], str]
+"""What to do about a vehicle that should return, and why."""
 
 
 def is_coming_home(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether it says that it flies home, or lands, by itself."""
+    """Return whether it reports RTL or a landing."""
     return is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_on_mission(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether it says that it is in mission mode."""
+    """Return whether it reports mission mode."""
     return is_mission_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_coming_down(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that was out there is in its landing, or on the ground again."""
+    """Return whether a vehicle that took off is landing, or on the ground again."""
     fix = vehicle.motion.fix
     if vehicle.stage not in IN_THE_AIR or not vehicle.sortie.took_off:
         return False
@@ -86,52 +74,53 @@ def _is_over_pad(context: Context, vehicle: VehicleState) -> bool:
 
 
 def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> HomingAdvice:  # noqa: C901, PLR0911 - one return a reason
-    """Return what to do about a vehicle that should not fly its mission any more."""
+    """Return what to do about a vehicle that should no longer fly its mission."""
     errand = vehicle.orders.errand or HomingOrder(now_s)
-    if is_under_foreign_control(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
-        return HomingAdvice(HomingAction.LEAVE, custody.WITH_PILOT)
+    if is_under_foreign_control(vehicle):  # confirmed or not: a command that takes it changes the cause
+        return "leave", custody.WITH_PILOT
     text, said_s = vehicle.telemetry.alarm
     if is_kill_switch_text(text) and now_s - said_s < STOPPED_S and not errand.force:
-        return HomingAdvice(HomingAction.WAIT, custody.KILL_SWITCH)
+        return "wait", custody.KILL_SWITCH
     if errand.land:
-        return HomingAdvice(HomingAction.LAND)
+        return "land", ""
     if is_coming_home(context, vehicle) and not errand.force:
-        return HomingAdvice(HomingAction.LEAVE, custody.COMING_HOME)
+        return "leave", custody.COMING_HOME
     if not errand.force and (failsafe := _await_failsafe(context, vehicle)) is not None:
         return failsafe
     if _cannot_climb(context, vehicle, now_s) and not errand.force:
-        return HomingAdvice(HomingAction.LEAVE, custody.CANNOT_CLIMB)
+        return "leave", custody.CANNOT_CLIMB
     fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
-            return HomingAdvice(HomingAction.WAIT)
-        return HomingAdvice(HomingAction.RETURN)  # only its autopilot knows where it is
+            return "wait", ""
+        return "return", ""  # only its autopilot knows its position
     if _is_over_pad(context, vehicle):
-        if is_on_mission(context, vehicle) and _is_landing(vehicle) and vehicle.motion.stood_s < HANGS_S:
-            return HomingAdvice(HomingAction.LEAVE, custody.LANDING_ON_PAD)
-        return HomingAdvice(HomingAction.LAND)
+        lands = vehicle.leg is not None and vehicle.leg.phase in {Phase.LAND, Phase.RETURN}
+        lands = is_on_mission(context, vehicle) and (lands or fix.velocity_m_s[2] < -SINKS_M_S)
+        if lands and vehicle.motion.stood_s < HANGS_S:
+            return "leave", custody.LANDING_ON_PAD
+        return "land", ""
     if is_on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
-        return HomingAdvice(HomingAction.LEAVE, custody.LANDING)
-    return HomingAdvice(HomingAction.RETURN)
+        return "leave", custody.LANDING
+    return "return", ""
 
 
 def _await_failsafe(context: Context, vehicle: VehicleState) -> HomingAdvice | None:
-    """Return that a failsafe is waited for that holds before it acts; None if none acts."""
-    waited_for = HomingAdvice(HomingAction.WAIT, custody.HOLDS_FIRST)
+    """Return that a failsafe is awaited which holds before it acts; None if none acts."""
     if vehicle.custody.cause is ModeCause.OURS and is_failsafe_in_hold(context, vehicle):
-        return waited_for
+        return "wait", custody.HOLDS_FIRST
     if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.mode is None:
         return None
-    if vehicle.mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
-        return HomingAdvice(HomingAction.LEAVE, custody.OWN_FAILSAFE)
-    return None if is_long_hold(context, vehicle) else waited_for
+    if not is_holding(context, vehicle):
+        return "leave", custody.OWN_FAILSAFE
+    return None if is_long_hold(context, vehicle) else ("wait", custody.HOLDS_FIRST)
 
 
 def _cannot_climb(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle that sank below its mission sinks on, or lies, away from its pad.
+    """Return whether a vehicle that sank below its mission still sinks, or is on the ground, away from its pad.
 
-    RTL climbs before it flies, and a landing comes down on whatever is below: both are its pilot's to choose. One that
-    holds its height again is told as any other.
+    RTL climbs before it flies, and a landing descends onto whatever is below: the choice is its pilot's. A vehicle that
+    holds its height again is commanded like any other.
     """
     fix = vehicle.motion.fix
     if vehicle.fault is None or vehicle.fault.code not in SINKS:
@@ -146,25 +135,19 @@ def _cannot_climb(context: Context, vehicle: VehicleState, now_s: float) -> bool
 
 CLIMBS_AGAIN_S = 10.0
 HANGS_S = 10.0
-"""So long no mission of ours stands anywhere."""
-
-
-def _is_landing(vehicle: VehicleState) -> bool:
-    fix, leg = vehicle.motion.fix, vehicle.leg
-    lands = leg is not None and leg.phase in {Phase.LAND, Phase.RETURN}
-    return lands or (fix is not None and fix.velocity_m_s[2] < -SINKS_M_S)
+"""Time for which no mission of ours stands anywhere."""
 
 
 def bring_home(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, land: bool = False, force: bool = False
 ) -> Stepped:
-    """Let a vehicle that has left its mission come home: it is told now, or as soon as that is right."""
+    """Return a vehicle that has left its mission: command it now, or as soon as that is right."""
     vehicle = vehicle.with_orders(errand=HomingOrder(now_s, land=land, force=force))
     return issue_homing_order(context, state.put(vehicle), vehicle.name, now_s)
 
 
 def issue_homing_order(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
-    """Tell a vehicle what it is to be told, if that is right now."""
+    """Send a vehicle its pending command, if that is right now."""
     vehicle = state.vehicles[name]
     errand = vehicle.orders.errand
     if errand is None or errand.told:
@@ -173,10 +156,10 @@ def issue_homing_order(context: Context, state: FleetState, name: str, now_s: fl
         return state.put(vehicle.with_orders(errand=None)), ()
     if vehicle.link.stale or now_s < errand.not_before_s:
         return state, ()
-    answer = advise_homing(context, vehicle, now_s).answer
-    if answer in {HomingAction.WAIT, HomingAction.LEAVE}:
+    answer, _ = advise_homing(context, vehicle, now_s)
+    if answer in {"wait", "leave"}:
         return state, ()
-    land, modes = answer is HomingAction.LAND, context.vehicles[name].dialect.modes
+    land, modes = answer == "land", context.vehicles[name].dialect.modes
     expected = {modes.land.custom_mode} if land else {modes.return_home.custom_mode, modes.land.custom_mode}
     told = vehicle.with_orders(
         errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)
@@ -187,7 +170,7 @@ def issue_homing_order(context: Context, state: FleetState, name: str, now_s: fl
 
 
 def _warn_of_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ...]:
-    """Say so if the way home that the vehicle's own autopilot flies leads through an area: it knows of none."""
+    """Report if the vehicle's RTL path crosses an area; its autopilot knows none."""
     fix = vehicle.motion.fix
     if fix is None or not context.setup.areas:
         return ()
@@ -198,7 +181,7 @@ def _warn_of_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ..
 
 
 def apply_homing_result(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -> Stepped:
-    """Take what a vehicle made of the order: what was lost or refused is told again, whatever else is not."""
+    """Apply a vehicle's answer: a lost or refused command is sent again, any other is closed."""
     vehicle = state.vehicles[event.vehicle]
     errand = vehicle.orders.errand
     if errand is None or not errand.told:
@@ -212,5 +195,5 @@ def apply_homing_result(state: FleetState, event: ReturnEnded | OrderEnded, now_
         return state.put(vehicle.with_orders(errand=again)), ()
     done = state.put(vehicle.with_orders(errand=None))
     if vehicle.link.heartbeat_s is None or now_s - vehicle.link.heartbeat_s >= UNSAID_S:
-        return done, ()  # nobody knows what it does
+        return done, ()  # its state is unknown
     return done, (custody.DOES_NOT_FOLLOW.say(vehicle=vehicle.name),)

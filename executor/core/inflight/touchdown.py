@@ -1,4 +1,4 @@
-"""Whether a vehicle on the ground has landed or is down, and what is said of it."""
+"""Decide whether a vehicle on the ground has landed or is down, and what the crew is told."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from executor.core.lines import landing
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_position import (
-    UNSEEN_S,
+    REST_TIMEOUT_S,
     describe_down_place,
     describe_last_position,
     describe_lean,
@@ -29,29 +29,24 @@ from executor.core.telemetry.battery_reports import pack_facts_of
 from missions.autopilots.dialect import mode_name
 
 SEEN_AFTER_S = 0.5
-"""A position so much later than the disarming shows where it lies."""
+"""Time after disarming from which a position shows the place on the ground."""
 CRASHED_S = 10.0
-"""Who fell so shortly before it disarmed did not land."""
+"""Time before disarming within which a fall rules out a landing."""
 MODE_UNKNOWN_S = 10.0
-"""So long without HEARTBEAT the last one says nothing any more."""
+"""Time without HEARTBEAT after which the last one no longer counts."""
 FLIES_UP_M = 5.0
 FLIES_M_S = 1.5
-"""What is this much higher, or this fast, after it was found down, flies."""
-
-
-def has_landed(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that flew, or was on its way home, has disarmed."""
-    return vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
+"""Height gain and speed from which a vehicle found down is flying."""
 
 
 def _has_come_down(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
-    """Return whether a vehicle came down outside a landing; None as long as that is not seen."""
+    """Return whether a vehicle came down other than by landing; None until that is known."""
     fix = vehicle.motion.fix
     if not vehicle.sortie.took_off or fix is None:
         return False
     if vehicle.sensors.tilted_since_s is not None:
         return True
-    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < UNSEEN_S:
+    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < REST_TIMEOUT_S:
         return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.orders.lands else None
     # A commanded landing may end on a hill.
     came_down = has_sinking_fix(vehicle) if vehicle.orders.lands else has_fallen(context, vehicle)
@@ -61,7 +56,7 @@ def _has_come_down(context: Context, vehicle: VehicleState, now_s: float) -> boo
 def apply_touchdown(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, spare: bool
 ) -> Stepped:
-    """Take a vehicle to be on the ground, as it landed or otherwise; `spare` is budget left for another flight."""
+    """Take a vehicle as on the ground, landed or not; `spare` is budget left for another flight."""
     came_down = _has_come_down(context, vehicle, now_s)
     if came_down is None:
         return state, ()
@@ -77,7 +72,7 @@ def apply_touchdown(
     vehicle = change_stage(vehicle, Stage.LANDED).with_assignment(run=None).with_orders(errand=None, cleared_s=None)
     state = state.put(vehicle)
     if vehicle.fault is None and not vehicle.orders.excluded and vehicle.name not in state.replanning.considered:
-        # It was on its way down when the last re-plan was made: what was left then may be for it.
+        # It was descending at the last re-plan: segments given up then may be for it.
         state = state.with_replanning(considered=state.replanning.considered | {vehicle.name})
         if context.fly_again is RelaunchPolicy.AUTO and state.coverage.given_up and spare:
             trigger = landing.SPARE.format(vehicle=vehicle.name)
@@ -88,7 +83,11 @@ def apply_touchdown(
     left = _describe_remaining_charge(context, vehicle, now_s)
     if vehicle.sortie.rebooted_s is not None and is_over_pad(context, vehicle):
         return state, (landing.REBOOTED_ON_PAD.say(vehicle=vehicle.name, left=left),)
-    place, stays = "", _describe_manual_mode(context, vehicle)
+    place = stays = ""
+    # A mode only a person flies in is reported where no crew is asked before the next take-off.
+    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
+    if context.fly_again is RelaunchPolicy.AUTO and mode is not None and manual:
+        stays = landing.STAYS_ON_GROUND.format(mode=mode_name(context.vehicles[vehicle.name].dialect, mode))
     if not is_over_pad(context, vehicle):
         where = landing.WITHOUT_GPS if is_dead_reckoning(vehicle) else landing.OFF_PAD
         place = where.format(place=describe_down_place(context, vehicle))
@@ -96,22 +95,14 @@ def apply_touchdown(
     return state, (landed.say(vehicle=vehicle.name, left=left, place=place, stays=stays),)
 
 
-def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
-    """Return what is said of a mode that only a person sets, where nobody would be asked before the next take-off."""
-    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
-    if context.fly_again is not RelaunchPolicy.AUTO or mode is None or not manual:
-        return ""
-    return landing.STAYS_ON_GROUND.format(mode=mode_name(context.vehicles[vehicle.name].dialect, mode))
-
-
 def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: float) -> str:
-    """Return what its pack holds, or what it reports where its voltage before the take-off told otherwise."""
+    """Return the pack's charge, or the reported one where its voltage before take-off contradicted it."""
     battery, held_pct = vehicle.power.battery, vehicle.power.landed_pct
     if held_pct is None or not legs.is_charge_fresh(context, vehicle.power, now_s):
         return ""
     last = vehicle.turn.sorties[-1] if vehicle.turn.sorties else None
     blind = context.vehicles[vehicle.name].dialect.rounds_twice and account.is_blind(battery)
-    if last is None or last.rest_v is None or last.began_pct is None or blind:  # blind: read off that very voltage
+    if last is None or last.rest_v is None or last.began_pct is None or blind:  # blind: derived from the same voltage
         return landing.LEFT.format(left_pct=held_pct)
     cells, facts = vehicle.power.volts.cells, pack_facts_of(context, vehicle)
     rested = assess_resting_pack(last.rest_v, cells, facts, last.began_pct)
@@ -119,7 +110,7 @@ def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: f
 
 
 def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: float) -> str:
-    """Return why an armed vehicle is taken to be down, with its place; empty if it is not."""
+    """Return why an armed vehicle counts as down, with its position; empty if it does not."""
     fix, limits = vehicle.motion.fix, context.limits
     if vehicle.stage not in IN_THE_AIR or not vehicle.armed or fix is None:
         return ""
@@ -135,7 +126,7 @@ def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: 
 
 
 def _is_mode_unknown(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether nobody knows any more in which mode it is, and whether it is armed."""
+    """Return whether its mode and arming are no longer known."""
     return (
         vehicle.link.heartbeat_s is None
         or now_s - max(vehicle.link.heartbeat_s, vehicle.link.excused_s) >= MODE_UNKNOWN_S
@@ -149,19 +140,19 @@ def _has_stopped(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     low_over_pad = is_over_pad(context, vehicle) and fix.alt_rel_m > limits.airborne_m
     stood_s = vehicle.motion.stood_s
     if not low_over_pad and vehicle.fault is not None and vehicle.fault.code in SINKS:
-        return stood_s >= limits.lies_s  # it sank in its mission's mode, and is left in it
+        return stood_s >= limits.lies_s  # it sank in mission mode, and is left in it
     if low_over_pad or not (is_coming_home(context, vehicle) or _is_mode_unknown(vehicle, now_s)):
         return False
-    # On its pad it lands, and disarms some seconds later.
+    # On its pad it is landing, and disarms some seconds later.
     if vehicle.telemetry.on_ground and not is_over_pad(context, vehicle):
         return stood_s >= limits.on_ground_s
-    # Who hangs in the air says so, and a wreck on a hill may say the same.
+    # A hovering vehicle reports airborne, but a wreck on a hill may too.
     hangs = vehicle.telemetry.on_ground is False and fix.alt_rel_m > limits.off_pad_up_m
     return stood_s >= (limits.hangs_most_s if hangs else limits.down_s)
 
 
 def is_flying_again(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that was found down flies after all."""
+    """Return whether a vehicle found down flies after all."""
     fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
     if fix is None or anchor is None or not vehicle.armed or vehicle.sensors.tilted_since_s is not None:
         return False

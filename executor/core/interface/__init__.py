@@ -1,1 +1,1 @@
-"""What comes in and goes out: messages, events, intents, commands, ports."""
+"""Inputs and outputs of the core: messages, events, intents, commands, ports."""

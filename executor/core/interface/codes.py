@@ -1,4 +1,4 @@
-"""Codes beside the words, to branch on: how a dialogue ended badly, and what a line of the checklist is about."""
+"""Define reason codes beside the texts, for programs: how a dialogue failed, and the subject of a checklist line."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import Self
 
 
 class ReasonCode(StrEnum):
-    """A code with what it means, as the reference lists both."""
+    """A code with its meaning, both listed in the reference."""
 
     meaning: str
 
     def __new__(cls, value: str, meaning: str) -> Self:
-        """Take the value, and its meaning beside it."""
+        """Take the value and its meaning."""
         code = str.__new__(cls, value)
         code._value_, code.meaning = value, meaning
         return code
 
 
 class Ending(ReasonCode):
-    """Why an upload, a command or a parameter was not taken by a vehicle."""
+    """Why a vehicle did not take an upload, a command or a parameter."""
 
     NO_ANSWER = "no_answer", "Nothing came back, however often it was asked."
     NOT_CONFIRMED = "not_confirmed", "It acknowledged, and its HEARTBEAT does not show it."
@@ -46,7 +46,7 @@ class Ending(ReasonCode):
 
 
 class CheckCode(ReasonCode):
-    """The subject of a check; its severity says how it went."""
+    """The subject of a check; its severity is the result."""
 
     NOT_READY = "not_ready", "The vehicle does not answer, or is not ready."
     FIRMWARE = "firmware", "Type, autopilot and version, and whether they were tested."
@@ -80,7 +80,7 @@ class CheckCode(ReasonCode):
 
 
 class ChannelCode(ReasonCode):
-    """What is wrong with a telemetry radio in flight: it is congested, or weak."""
+    """The problem of a telemetry radio in flight: congested, or weak."""
 
     BUFFER_FULL = "buffer_full", "Congested: its transmit buffer is full."
     AT_CAPACITY = "at_capacity", "Congested: it carries as much as it can."
@@ -90,12 +90,12 @@ class ChannelCode(ReasonCode):
 
     @property
     def is_congestion(self) -> bool:
-        """Whether there is too much to carry; else what is carried gets lost."""
+        """Whether it is congestion; otherwise the signal is weak."""
         return self not in {ChannelCode.SIGNAL_LOW, ChannelCode.FRAMES_LOST}
 
 
 class Severity(StrEnum):
-    """What a finding means for the flight."""
+    """The consequence of a finding for the flight."""
 
     OK = "ok"
     WARNING = "warning"
@@ -114,12 +114,12 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class ChecklistLine:
-    """A line as it stands in `executor/core/lines`: its severity, subject, and words with `{names}` for values."""
+    """A line from `executor/core/lines`: its severity, subject, and text with `{names}` for values."""
 
     severity: Severity
     code: CheckCode
     words: str
 
     def say(self, subject: str, severity: Severity | None = None, **values: object) -> Check:
-        """Return the check that says it of a subject with these values, at its own severity or at another."""
+        """Return the check of a subject with these values, at its own severity or at another."""
         return Check(severity or self.severity, subject, self.words.format(**values), self.code)

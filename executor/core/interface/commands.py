@@ -1,4 +1,4 @@
-"""All that can be decided."""
+"""Define all commands that the core can issue."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from missions.waypoints import FlightPath
 
 
 class Level(StrEnum):
-    """How much a line matters."""
+    """The importance of a line."""
 
     INFO = "info"
     WARNING = "warning"
@@ -29,7 +29,7 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class CrewLine:
-    """A line as it stands in `executor/core/lines`: its level, and its words with `{names}` for values."""
+    """A line from `executor/core/lines`: its level, and its text with `{names}` for values."""
 
     level: Level
     words: str
@@ -39,148 +39,136 @@ class CrewLine:
         return CrewLine(level, self.words)
 
     def say(self, **values: object) -> Say:
-        """Return the command that says it with these values; every name in its words needs one."""
+        """Return the line as a command with these values; every name in its text needs one."""
         return Say(self.level, self.words.format(**values))
 
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """Put this path on board; `airborne` when the vehicle flies its mission meanwhile."""
+    """Upload this path; `airborne` if the vehicle flies its mission meanwhile."""
 
     vehicle: str
     revision: int
     path: FlightPath
     airborne: bool
     fence: Fence | None = None
-    """What goes on board before it, and covers what is there as well; None where that suffices."""
+    """Fence to upload first, which covers the present one as well; None if that suffices."""
 
 
-@dataclass(frozen=True, slots=True)
-class Start:
+@dataclass(frozen=True)
+class VehicleCommand:
+    """A command to one vehicle without further parameters."""
+
+    vehicle: str
+
+
+class Start(VehicleCommand):
     """Arm and start the mission on board."""
 
-    vehicle: str
+
+class SendHome(VehicleCommand):
+    """Command RTL."""
 
 
-@dataclass(frozen=True, slots=True)
-class SendHome:
-    """Order the vehicle to return by itself."""
-
-    vehicle: str
-
-
-@dataclass(frozen=True, slots=True)
-class Hold:
-    """Order the vehicle to stop where it is."""
-
-    vehicle: str
+class Hold(VehicleCommand):
+    """Command the vehicle to stop and hold."""
 
 
 @dataclass(frozen=True, slots=True)
 class Resume:
-    """Order the vehicle to go on with its mission."""
+    """Command the vehicle to continue its mission."""
 
     vehicle: str
     speed_m_s: float
-    """Of the leg under way: both autopilots forget a mission's speed when the mode changes."""
+    """Speed of the present leg; both autopilots drop a mission's speed when the mode changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChangeSpeed:
-    """Tell the vehicle a speed over ground, in the mode that it is in; it is seen to follow, and not asked."""
+    """Command a ground speed in the present mode; the effect is observed, not acknowledged."""
 
     vehicle: str
     speed_m_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class LandNow:
-    """Order the vehicle to land where it is."""
-
-    vehicle: str
+class LandNow(VehicleCommand):
+    """Command the vehicle to land in place."""
 
 
 @dataclass(frozen=True, slots=True)
 class Disarm:
-    """Order the motors to be stopped."""
+    """Command the motors to stop."""
 
     vehicle: str
     force: bool
-    """Whether the autopilot is to do so even if it does not believe that it is on the ground."""
+    """Whether the autopilot must comply even if it does not detect the ground."""
 
 
 @dataclass(frozen=True, slots=True)
 class Examine:
-    """Look at a vehicle on its base whose pack was changed: whether it is ready, its battery, its parameters."""
+    """Check a vehicle after its pack change at its base: readiness, battery, parameters."""
 
     vehicle: str
     sets: bool = False
-    """Whether what the flight had set, and it lost at a boot, is set again."""
+    """Whether to set the flight's parameters again that a reboot has reset."""
 
 
 @dataclass(frozen=True, slots=True)
 class AskStreams:
-    """Ask the vehicle to send again what it should send: some of it does not come, or not as often as it should."""
+    """Request the vehicle's streams again: some are missing, or slower than they should be."""
 
     vehicle: str
     messages: tuple[int, ...] = ()
-    """Which alone; everything if none is named."""
+    """The messages to request; empty for all."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReadMission:
-    """Look up what the vehicle carries: it says that it was given a mission, and not from here."""
-
-    vehicle: str
+class ReadMission(VehicleCommand):
+    """Read back the mission on board: the vehicle reports an upload that was not ours."""
 
 
 @dataclass(frozen=True, slots=True)
 class AskPicture:
-    """Ask a camera to say again that it took a picture: its word got lost on the way."""
+    """Request a camera's report of a picture again; it was lost."""
 
     vehicle: str
     component: int
     sequence: int
 
 
-@dataclass(frozen=True, slots=True)
-class HandsOff:
-    """Say nothing more to the vehicle: a person has it. What is half on board is still made whole."""
-
-    vehicle: str
+class HandsOff(VehicleCommand):
+    """Send no more commands to the vehicle: a person has it. An upload under way is still completed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Survivor:
-    """One vehicle that can take over work."""
+    """A vehicle that can take over segments."""
 
     vehicle: str
     start_m: tuple[float, float]
     """Local east and north where it becomes free."""
     budget_pct: float
-    """What it may spend from there until it is home."""
+    """Battery it may use from there until it has landed."""
     consumption: float
-    """What it uses relative to the energy model."""
+    """Consumption relative to the energy model."""
     airborne: bool
     tail: tuple[int, ...]
-    """What it would do next by its present route: the warm start."""
+    """The rest of its present route: the warm start."""
     kept: int
-    """How many waypoints of its present path stay as they are."""
+    """Waypoints of its present path that stay unchanged."""
     most_pct: float = 0.0
-    """What its battery has until then without its reserve: as much of it as it carries already it may go on with, also
-    beyond `budget_pct`."""
+    """Charge there above its reserve: up to this it may keep visits it already carries, even beyond `budget_pct`."""
     start_up_m: float = 0.0
-    """In the air: its height where it becomes free, as flights are priced."""
+    """In the air: its height where it becomes free, as pricing counts it."""
     pace: Pace = AS_MODELLED
-    """What it has shown of its pace in this flight, beside the one of its model."""
+    """Its pace observed in this flight, relative to its model."""
     facing_m: tuple[float, float] = (0.0, 0.0)
-    """East and north along the leg on which it comes there; of no length where nobody knows."""
+    """East and north along the leg on which it arrives there; of zero length if unknown."""
     barred: tuple[int, ...] = ()
-    """Segments that it cannot be given, for it has no camera that does what they ask for, or another may be there."""
+    """Segments it cannot get: no camera of it fits them, or another vehicle may be there."""
     low: bool = False
     """Whether it is below its layer where it becomes free."""
     closed: tuple[Obstacle, ...] = ()
-    """Others' parts of the line, which its ways lead around."""
+    """Others' parts of the line, which its paths avoid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,37 +180,37 @@ class Solve:
     survivors: tuple[Survivor, ...]
     trigger: str
     left_over: tuple[int, ...] = ()
-    """What the first plan left for the next sortie: only for budgets to spare, after all of the open segments."""
+    """Segments left over by the first plan: only for spare budgets, after all open segments."""
     sortie: str = ""
-    """The vehicle on its base whose next sortie it is; empty for a re-plan."""
+    """The vehicle at its base whose next sortie it is; empty for a re-plan."""
     given: tuple[int, ...] = ()
-    """The visits of a sortie that was planned before, or of who only comes down to more of the line: they are flown as
-    they are, nothing is to be searched then."""
+    """The visits of a sortie planned earlier, or of a vehicle that only descends for more of the line: they are flown
+    as given, without a search."""
 
 
 @dataclass(frozen=True, slots=True)
 class Compose:
-    """More of a re-plan's missions are to be made, by a `MissionsWanted`, as soon as others had their turn."""
+    """Build more of a re-plan's missions, by a `MissionsWanted`, after other work had its turn."""
 
     revision: int
 
 
 @dataclass(frozen=True, slots=True)
 class CancelSolve:
-    """What the solver works on is of no use any more."""
+    """Cancel the solver's present problem."""
 
     revision: int
 
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """Nothing is left to supervise."""
+    """End the flight: nothing is left to supervise."""
 
     reason: str
 
 
 Order = Upload | Start | SendHome | Hold | Resume | ChangeSpeed | LandNow | Disarm | HandsOff
-"""What one vehicle is told to do, or is left alone with."""
+"""Commands to one vehicle, and leaving it alone."""
 Inquiry = Examine | AskStreams | AskPicture | ReadMission
-"""What one vehicle is asked for."""
+"""Requests to one vehicle."""
 Command = Say | Order | Inquiry | Solve | Compose | CancelSolve | Finish

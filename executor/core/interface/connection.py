@@ -1,4 +1,4 @@
-"""Connection strings: how a vehicle is reached, in the notation that MAVSDK takes too."""
+"""Parse connection strings, in the notation that MAVSDK shares."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from enum import Enum
 BAUD_RATES = frozenset(
     (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000, 1500000, 2000000, 3000000)
 )
-"""What serial ports and MAVSDK both know."""
+"""Rates that both serial ports and MAVSDK support."""
 EXPECTED = "expected udpin://, udpout://, tcpin:// or tcpout://HOST:PORT, or serial://DEVICE:BAUD"
 
 
 class Scheme(Enum):
-    """Who calls whom, over what."""
+    """The transport, and which end connects."""
 
     UDP_IN = "udpin"
-    """We listen, and answer where the vehicle calls from."""
+    """We listen, and answer to the vehicle's address."""
     UDP_OUT = "udpout"
-    """We call the vehicle."""
+    """We connect to the vehicle."""
     TCP_IN = "tcpin"
     TCP_OUT = "tcpout"
     SERIAL = "serial"
 
     @property
     def is_outgoing(self) -> bool:
-        """Whether the other end is known before it has said anything."""
+        """Whether the remote address is known before its first message."""
         return self in {Scheme.UDP_OUT, Scheme.TCP_OUT, Scheme.SERIAL}
 
 
@@ -36,7 +36,7 @@ SPELLINGS = {"tcp": Scheme.TCP_OUT} | {scheme.value: scheme for scheme in Scheme
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """One way to one or several vehicles."""
+    """A connection to one or several vehicles."""
 
     scheme: Scheme
     where: str
@@ -45,12 +45,12 @@ class Connection:
     """The port, or the baud rate of a serial port."""
 
     def __str__(self) -> str:
-        """Return the connection string, in its one full spelling."""
+        """Return the connection string in its full spelling."""
         return f"{self.scheme.value}://{self.where}:{self.number}"
 
     @property
     def is_on_a_network(self) -> bool:
-        """Whether others than this computer may send to it, as far as its address tells."""
+        """Whether other computers may send to it, by its address."""
         if self.scheme is Scheme.SERIAL or self.where == "localhost":
             return False
         try:
@@ -60,7 +60,7 @@ class Connection:
 
     @property
     def exclusive_resource(self) -> str:
-        """What only one connection can use: a device, a port of this machine, or an address elsewhere."""
+        """The resource only one connection can use: a device, a port of this machine, or a remote address."""
         if self.scheme is Scheme.SERIAL:
             return self.where
         transport = self.scheme.value[:3]
@@ -69,10 +69,10 @@ class Connection:
 
 
 def parse_connection(text: str) -> Connection:
-    """Read a connection string; ``tcp://`` is another spelling of ``tcpout://``.
+    """Parse a connection string; ``tcp://`` is another spelling of ``tcpout://``.
 
     Raises:
-        ValueError: one line that says what was expected.
+        ValueError: one line that names what was expected.
 
     >>> parse_connection("serial:///dev/ttyUSB0:57600")
     Connection(scheme=<Scheme.SERIAL: 'serial'>, where='/dev/ttyUSB0', number=57600)

@@ -1,6 +1,6 @@
-"""All that can happen.
+"""Define all events that the core can receive.
 
-Each event is logged before it is applied; the log fed to `fleet_step.step` again gives the same commands.
+Each event is logged before it is applied; the same log through `fleet_step.step` gives the same commands.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from executor.core.interface.messages import FlightMessage
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """A vehicle said something."""
+    """A message of a vehicle arrived."""
 
     vehicle: str
     message: FlightMessage
@@ -23,108 +23,108 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """Time has passed; watchpoints are levels, looked at on every tick."""
+    """Time has passed; watchpoints are levels, evaluated on every tick."""
 
     late_s: float = 0.0
-    """How much of it the ground station could not do its work in, as its computer was too busy."""
+    """Part of it in which the ground station could not work, as its computer was too busy."""
 
 
 @dataclass(frozen=True, slots=True)
 class LaunchOrdered:
-    """The operator has said yes; the first missions are on board."""
+    """The operator confirmed the take-off; the first missions are on board."""
 
 
 @dataclass(frozen=True, slots=True)
 class UploadEnded:
-    """The upload of a mission, with its read-back, has come to its one end."""
+    """The upload of a mission ended, read-back included."""
 
     vehicle: str
     revision: int
     accepted: bool
     mixed: bool
-    """Whether a part of the new mission may be on board (ArduPilot replaces items one by one)."""
+    """Whether part of the new mission may be on board (ArduPilot replaces items one by one)."""
     reason: str
     code: Ending | None = None
-    """Why it was not accepted; None where it was, and in a log from before there were codes."""
+    """Why it was rejected; None if accepted, and in a log from before there were codes."""
     fenced: bool = False
-    """Whether the wider fence that it needs is on board, with the mission or without it."""
+    """Whether the wider fence it needs is on board, with or without the mission."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartEnded:
-    """The start procedure has come to its end."""
+    """The start procedure ended."""
 
     vehicle: str
     accepted: bool
     reason: str
     armed: bool = False
-    """Whether the vehicle had acknowledged that it arms."""
+    """Whether the vehicle acknowledged arming."""
     code: Ending | None = None
-    """Why it was not accepted; None where it was, and in a log from before there were codes."""
+    """Why it was rejected; None if accepted, and in a log from before there were codes."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReturnEnded:
-    """The order to come home was acknowledged, or not."""
+    """The RTL command was acknowledged, or not."""
 
     action: ClassVar[Action] = Action.RETURN
     vehicle: str
     accepted: bool
     reason: str
     lost: bool = False
-    """Whether nothing came back: the order, or its answer, got lost."""
+    """Whether there was no answer: the command or its acknowledgement was lost."""
     refused: bool = False
-    """Whether the vehicle said no."""
+    """Whether the vehicle refused."""
     code: Ending | None = None
-    """Why it was not accepted; None where it was, and in a log from before there were codes."""
+    """Why it was rejected; None if accepted, and in a log from before there were codes."""
 
 
 @dataclass(frozen=True, slots=True)
 class NewRoute:
-    """One survivor's visits after a re-plan."""
+    """A survivor's visits after a re-plan."""
 
     vehicle: str
     visits: tuple[int, ...]
-    """Visits of the network in their order."""
+    """Visits of the network in order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """What a re-plan is better in than what everybody carries, by the planning model."""
+    """The improvement of a re-plan over the missions on board, by the planning model."""
 
     segments: int
-    """How many more are covered; never fewer."""
+    """Additional segments covered; never negative."""
     length_m: float
-    """How much longer they are together; never shorter."""
+    """Additional length covered; never negative."""
     left_over: int
-    """How many more of those that the first plan left for the next sortie."""
+    """Additional segments of those left over by the first plan."""
     longest_s: float
     """The longest route, each from where its vehicle becomes free."""
     carried_s: float
-    """The longest of what is carried."""
+    """The longest of those on board."""
     short: tuple[str, ...]
-    """Vehicles whose budgets do not last for all that they carry."""
+    """Vehicles whose budgets do not cover the missions on board."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolveEnded:
-    """The solver has come to its end."""
+    """The solver ended."""
 
     revision: int
     routes: tuple[NewRoute, ...] | None
     """None if the solver failed or was cancelled."""
     uncovered: tuple[int, ...]
-    """Of the open segments; what the first plan left over is not one of them."""
+    """Open segments not covered; those left over by the first plan are not among them."""
     solve_s: float
     """Real seconds."""
     reason: str
     gain: Gain | None = None
-    """None without routes, and in a log from before it was reckoned."""
+    """None without routes, and in a log from before it was computed."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionsWanted:
-    """There is time to make more of a re-plan's missions."""
+    """There is time to build more of a re-plan's missions."""
 
     revision: int
 
@@ -136,118 +136,118 @@ class ReturnAllOrdered:
 
 @dataclass(frozen=True, slots=True)
 class Reopened:
-    """The ground station runs again on a flight that it left in the midst."""
+    """The ground station resumes a flight that it left."""
 
     unix_s: float
-    """Seconds since 1970 by its clock, which is for people: that clock may have been set."""
+    """Seconds since 1970 by the computer's clock, for people: the clock may have been set."""
     away_s: float
-    """How long it was away by that clock, in the flight's time; 0 if the clock went back."""
+    """Absence by that clock, in the flight's time; 0 if the clock went back."""
     notes: tuple[str, ...]
-    """What was wrong with the log, in words."""
+    """Defects of the log, in words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """How much of a revision's mission was found on board."""
+    """The agreement of the items on board with a revision's mission."""
 
     revision: int
     alike: int
-    """Items that are the same, from the first on."""
+    """Number of leading items that are equal."""
     whole: bool
-    """Whether all are, and there are no others."""
+    """Whether all are equal, and there are no others."""
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What a vehicle was found to carry after the ground station was away."""
+    """A vehicle's mission as found after an absence of the ground station."""
 
     vehicle: str
     heard: bool
-    """Whether it was heard since."""
+    """Whether it was received since."""
     seq: int | None
-    """The item that it flies to, by its own report; None if it did not say."""
+    """The current item as reported by the vehicle; None if not reported."""
     items: int | None
-    """How many are on board; None if they could not be read."""
+    """Number of items on board; None if unreadable."""
     matches: tuple[Match, ...]
-    """Against every mission that it may have been given."""
+    """The agreement with each mission that may have been uploaded."""
 
     def match_of(self, revision: int) -> Match | None:
-        """Return how much of a revision's mission is on board; None if that was not looked at, or nothing was read."""
+        """Return the agreement with a revision's mission; None if not compared, or unreadable."""
         return next((one for one in self.matches if one.revision == revision), None)
 
 
 @dataclass(frozen=True, slots=True)
 class MissionRead:
-    """What a vehicle carries was looked up in flight."""
+    """A vehicle's mission was read back in flight."""
 
     found: Found
 
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """All vehicles that answer were asked; supervision goes on."""
+    """All vehicles that answer were read; supervision continues."""
 
     found: tuple[Found, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class IntentReceived:
-    """An operator asks for something, from wherever."""
+    """An intent of an operator arrived."""
 
     intent: Intent
 
 
 @dataclass(frozen=True, slots=True)
 class OrderEnded:
-    """An order to hold, to go on, to land or to stop the motors was carried out by the vehicle, or not."""
+    """A command to hold, resume, land or disarm was carried out by the vehicle, or not."""
 
     vehicle: str
     action: Action
     accepted: bool
     reason: str
     lost: bool = False
-    """Whether nothing came back: the order, or its answer, got lost."""
+    """Whether there was no answer: the command or its acknowledgement was lost."""
     refused: bool = False
-    """Whether the vehicle said no."""
+    """Whether the vehicle refused."""
     code: Ending | None = None
-    """Why it was not accepted; None where it was, and in a log from before there were codes."""
+    """Why it was rejected; None if accepted, and in a log from before there were codes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """A vehicle on its base was looked at before its next sortie."""
+    """A vehicle at its base was checked before its next sortie."""
 
     vehicle: str
     ready: bool
     reason: str
-    """Why it is not."""
+    """Why it is not ready."""
     remaining_pct: float | None = None
-    """By its own report, after the change of its pack was confirmed."""
+    """As reported by the vehicle, after the pack change was confirmed."""
     voltage_v: float | None = None
-    """Of its pack at rest."""
+    """Voltage of its pack at rest."""
     cells: int | None = None
-    """How many cells it tells apart."""
+    """Number of cells it reports."""
     parameters: tuple[tuple[str, float], ...] = ()
-    """What it answered, by name."""
+    """The parameters it reported, by name."""
     changed: tuple[str, ...] = ()
-    """What is not as the flight had set it, in words."""
+    """Parameters that differ from the flight's, in words."""
     sets: bool = False
-    """Whether that was tried to be set again."""
+    """Whether setting them again was attempted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The crew is asked something before the flight."""
+    """A question to the crew before the flight."""
 
     question: str
-    """The name of the action that answers it with yes."""
+    """Name of the action that answers yes."""
     text: str
     lines: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class LossJudged:
-    """What the loss of one vehicle would mean now."""
+    """The effect of one vehicle's loss at present."""
 
     vehicle: str
     revision: int
@@ -257,9 +257,9 @@ class LossJudged:
 
 
 VehicleAnswer = Heard | UploadEnded | StartEnded | ReturnEnded | OrderEnded | MissionRead | Examined
-"""What comes of one vehicle, by itself or as it was told or asked."""
+"""Events from one vehicle: messages, and results of commands and requests."""
 PlannerAnswer = SolveEnded | MissionsWanted | LossJudged
-"""What comes of the planner."""
+"""Events from the planner."""
 CrewEvent = Asked | LaunchOrdered | IntentReceived | ReturnAllOrdered
-"""What the crew is asked, and what it asks for."""
+"""Questions to the crew, and its intents."""
 Event = Tick | VehicleAnswer | PlannerAnswer | CrewEvent | Reopened | Resumed

@@ -1,6 +1,6 @@
-"""What an operator may ask for in flight, and what became of it.
+"""Define the intents of an operator in flight, and their outcomes.
 
-An intent is taken once: the same id again is answered with what became of it the first time.
+An intent is executed once: a repeated id gets the outcome of the first.
 """
 
 from __future__ import annotations
@@ -13,67 +13,67 @@ from executor.core.interface.codes import Ending, ReasonCode
 
 
 class Action(Enum):
-    """What is asked for."""
+    """The action of an intent."""
 
     HOLD = "hold"
-    """Stop where it is and wait."""
+    """Stop and wait in place."""
     RESUME = "resume"
-    """Go on with the mission from where it holds."""
+    """Continue the mission from where it holds."""
     RETURN = "return"
-    """Come home by itself; it takes off again only when it is included."""
+    """RTL; it takes off again only when it is included."""
     LAND = "land"
     """Land where it is."""
     EXCLUDE = "exclude"
     """Treat it as lost, on the operator's intent."""
     INCLUDE = "include"
     """Take a vehicle back into the plan: one on the ground takes off from its pad for that, one that its pilot has
-    returned to its mission goes on."""
+    returned to its mission continues."""
     SWAP = "swap"
-    """Its pack is changed: look at it, and send it out on its next sortie when its checks pass."""
+    """Its pack is changed: check it, and start its next sortie when the checks pass."""
     DISARM = "disarm"
     """Stop the motors of a vehicle that is down."""
     PREPARE = "prepare"
-    """Change the parameters that were told and put the missions on board: the answer to the first question."""
+    """Set the listed parameters and upload the missions: the answer to the first question."""
     TAKE_OFF = "take-off"
-    """Begin the flight: the answer to the question before the take-off."""
+    """Start the flight: the answer to the question before take-off."""
     REPLAN = "replan"
-    """Plan everything anew that is still to be flown."""
+    """Plan all segments that are still to be flown again."""
     PROVE = "prove"
-    """Fly again, for proof, what counts as inspected by evidence alone, and look again at what was flown but not
-    seen; or look again at the assets that are named, seen or not."""
+    """Fly again what counts as inspected by evidence alone, and what was flown but not seen; or fly the named assets
+    again, seen or not."""
     CLOSE = "close"
-    """Nobody takes off from a base of the day any more; who is in the air lands there."""
+    """Stop take-offs from a base of the day; vehicles in the air still land there."""
     OPEN = "open"
-    """Vehicles may be sent out from a base again."""
+    """Allow take-offs from a base again."""
     COUNT = "count"
     """Set the number of charged packs at a base of the day; it replaces the plan's count."""
     ABORT = "abort"
-    """Everybody returns."""
+    """All vehicles return."""
 
 
 ActionName = Literal[
     "hold", "resume", "return", "land", "exclude", "include", "swap", "disarm", "replan", "prove", "close", "open",
     "count", "abort", "prepare", "take-off",
 ]  # fmt: skip
-"""What a client writes for an action: the value of each, as a type."""
+"""The action in a client's message: each value, as a type."""
 PACK = r"^[A-Za-z0-9._:#/-]{0,32}$"
-"""What the id of a pack is made of."""
-MOST_PACKS = 1000
-"""At a base."""
-MOST_ASSETS = 100
-"""In one intent."""
+"""Format of a pack id."""
+MAX_PACKS = 1000
+"""Limit of packs at a base."""
+MAX_ASSETS = 100
+"""Limit of assets in one intent."""
 LONGEST_NAME = 128
-"""Letters of an asset's name in an intent."""
+"""Limit of characters in an asset's name."""
 FOR_ALL = frozenset({Action.REPLAN, Action.PROVE, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
 FOR_BASE = frozenset({Action.CLOSE, Action.OPEN, Action.COUNT})
 """Actions that name a base, and no vehicle."""
-BEFORE = frozenset({Action.PREPARE, Action.TAKE_OFF})
-"""Answers to what is asked before the flight."""
+BEFORE_FLIGHT = frozenset({Action.PREPARE, Action.TAKE_OFF})
+"""Answers to the questions before the flight."""
 
 
 class Outcome(Enum):
-    """What became of an intent."""
+    """The outcome of an intent."""
 
     ACCEPTED = "accepted"
     """Under way."""
@@ -81,7 +81,7 @@ class Outcome(Enum):
     REFUSED = "refused"
     """It would be unsafe, or there is nothing to do; nothing has changed."""
     FAILED = "failed"
-    """It was tried."""
+    """It was attempted."""
 
 
 class IntentReason(ReasonCode):
@@ -142,57 +142,57 @@ class IntentReason(ReasonCode):
 
 
 Reason = tuple[IntentReason, str]
-"""Why an intent is refused or fails: the code, and the words for people."""
+"""Why an intent was refused or failed: the code, and the text for people."""
 
 
 def fill_in(reason: Reason, **values: object) -> Reason:
-    """Return a reason with values in the place of the `{names}` of its words."""
+    """Return a reason with values for the `{names}` in its text."""
     return reason[0], reason[1].format(**values)
 
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """One wish of an operator."""
+    """A request of an operator."""
 
     id: str
-    """Chosen by who asks; the same id again is the same wish."""
+    """Chosen by the client; a repeated id is the same intent."""
     action: Action
     vehicle: str | None
-    """None for what concerns everybody."""
+    """None if it applies to the whole fleet."""
     source: str
-    """Who asks: page, mqtt, terminal."""
+    """Where it comes from: page, mqtt, terminal."""
     confirmed: bool = False
-    """Whether who asks has answered the second question, where there is one."""
+    """Whether the operator has answered the confirmation question, if there is one."""
     pack: str = ""
-    """The id of the pack that is put in, for a swap; empty if nobody says."""
+    """For a swap, the id of the new pack; empty if not given."""
     base: str = ""
-    """Which base is closed or opened, or has its packs counted."""
+    """The base to close or open, or whose packs are counted."""
     assets: tuple[int | str, ...] = ()
-    """Which are looked at again, for proof: a text is an asset's name, a number its segment; none for all that is
-    inferred or missed."""
+    """Assets to fly again for proof: a text is an asset's name, a number its segment; empty for all inferred or missed
+    ones."""
     charged: int | None = None
-    """How many charged packs are at the base."""
+    """Number of charged packs at the base."""
 
 
 @dataclass(frozen=True, slots=True)
 class IntentRecord:
-    """An intent and what became of it."""
+    """An intent and its outcome."""
 
     intent: Intent
     outcome: Outcome
     text: str
-    """Why, in words."""
+    """The reason, in words."""
     at_s: float
-    """When it was asked."""
+    """When it was received."""
     waiting: frozenset[str] = frozenset()
-    """Vehicles whose own answer is still to come."""
+    """Vehicles whose answer is pending."""
     ended_s: float | None = None
-    """When it came to its end; None while it is under way."""
+    """When it ended; None while it is under way."""
     code: IntentReason | Ending | None = None
-    """Why it was refused or failed; None where it was not."""
+    """Why it was refused or failed; None otherwise."""
     question: str = ""
-    """What has to be confirmed first, where that is why it is refused: asked again with `confirmed` it is done."""
+    """The question to confirm, if it was refused for that; repeated with `confirmed` it is executed."""
 
     def end(self, outcome: Outcome, text: str, now_s: float, code: IntentReason | Ending | None = None) -> IntentRecord:
-        """Return it at its end."""
+        """Return the record with its outcome."""
         return replace(self, outcome=outcome, text=text, ended_s=now_s, code=code)

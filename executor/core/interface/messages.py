@@ -1,6 +1,6 @@
-"""What vehicles say and what we say to them, in SI units; the codec turns MAVLink frames into these and back.
+"""Define the messages from and to vehicles, in SI units; the codec converts them from and to MAVLink frames.
 
-Unknown is ``None``, never zero: both autopilots send -1, -100, 65535 or 0 for values that they do not have.
+Unknown is ``None``, never zero: both autopilots send -1, -100, 65535 or 0 for values they do not have.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from missions.cameras import PictureProof
 from missions.items import MissionItem, MissionKind
 
 GROUND_STATION = (255, 190)
-"""Our system and component where the site file has no `station_sysid`: ArduPilot's GCS failsafe counts only heartbeats
-of MAV_GCS_SYSID, 255 by default."""
+"""System and component without a `station_sysid` in the site file: ArduPilot's GCS failsafe counts only HEARTBEATs of
+MAV_GCS_SYSID, 255 by default."""
 
 
 BOOT = 1
-"""MAV_STATE_BOOT: ArduPilot says it while it starts, and never again."""
+"""MAV_STATE_BOOT: ArduPilot sends it while it starts, and never again."""
 CRITICAL = 5
-"""MAV_STATE_CRITICAL: both autopilots say it, or more, as long as a failsafe acts (measured)."""
+"""MAV_STATE_CRITICAL: both autopilots send it, or a higher one, while a failsafe is active (measured)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Heartbeat:
     system_status: int
     """MAV_STATE: 3 standby, 4 active, 5 critical, 6 emergency, 8 flight terminated."""
     vehicle_type: int | None = None
-    """MAV_TYPE; None in logs that were written before it was kept."""
+    """MAV_TYPE; None in logs from before it was recorded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Position:
     """GLOBAL_POSITION_INT."""
 
     boot_s: float
-    """The vehicle's own clock, seconds since its start."""
+    """The vehicle's own clock, seconds since boot."""
     lat_deg: float
     lon_deg: float
     alt_msl_m: float
@@ -68,7 +68,7 @@ class Battery:
     faults: int
     """MAV_BATTERY_FAULT bits."""
     cells_v: tuple[float, ...] = ()
-    """Each cell, where the vehicle tells them apart; most report the pack alone."""
+    """Each cell, where the vehicle measures them; most report the pack alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class SystemStatus:
     remaining_pct: float | None
     voltage_v: float | None
     unhealthy: int
-    """MAV_SYS_STATUS_SENSOR bits of what is enabled but not healthy."""
+    """MAV_SYS_STATUS_SENSOR bits of sensors enabled and not healthy."""
     prearm_ok: bool | None
     """MAV_SYS_STATUS_PREARM_CHECK, None where the vehicle does not report it."""
     current_a: float | None = None
@@ -107,11 +107,11 @@ class Gps:
     """GPS_FIX_TYPE: 0 no GPS, 1 no fix, 2 two-dimensional, 3 three-dimensional, 4 differential, 5 and 6 RTK."""
     satellites: int | None
     accuracy_m: float | None = None
-    """Of the place, horizontally, by the receiver's own word."""
+    """Horizontal accuracy, as the receiver reports it."""
     measured_s: float | None = None
-    """When the fix was measured, by the receiver's or the vehicle's clock: it stands still where no new one comes."""
+    """When the fix was measured, by the receiver's or the vehicle's clock; it does not advance without a new fix."""
     receiver: int = 0
-    """Which of its receivers."""
+    """Number of the receiver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ class EstimatorStatus:
     """EKF_STATUS_REPORT of ArduPilot, ESTIMATOR_STATUS of PX4."""
 
     is_absolute: bool
-    """Whether it knows where it is on the earth, and its GPS is not rejected."""
+    """Whether its global position is known, and its GPS is not rejected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ class Wind:
 
     speed_m_s: float
     from_deg: float
-    """Where the air comes from, clockwise from north."""
+    """Direction the wind comes from, clockwise from north."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ class Home:
 
 
 NO_ITEM = 65535
-"""Of mission items: there is none, or nobody knows."""
+"""Mission item number for none, or unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class MissionCurrent:
     seq: int
     total: int | None
     mission_id: int | None = None
-    """A number that changes with the items; only PX4 sends it."""
+    """A checksum of the items; only PX4 sends it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ class MissionReached:
 
 @dataclass(frozen=True, slots=True)
 class MissionRequest:
-    """MISSION_REQUEST or MISSION_REQUEST_INT, by the side that downloads; both are answered with MISSION_ITEM_INT."""
+    """MISSION_REQUEST or MISSION_REQUEST_INT, by the downloading side; both are answered with MISSION_ITEM_INT."""
 
     seq: int
     kind: MissionKind = MissionKind.MISSION
@@ -178,13 +178,13 @@ class MissionRequest:
 
 @dataclass(frozen=True, slots=True)
 class MissionAck:
-    """MISSION_ACK, by the side that downloads: closes a transfer (0), or cancels it (15)."""
+    """MISSION_ACK, by the downloading side: closes a transfer (0), or cancels it (15)."""
 
     result: int
     """MAV_MISSION_RESULT."""
     kind: MissionKind = MissionKind.MISSION
     checksum: int | None = None
-    """`opaque_id`: of the list that it takes; None from a vehicle that has none."""
+    """`opaque_id` of the accepted list; None from a vehicle that has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ class MissionCount:
     count: int
     kind: MissionKind = MissionKind.MISSION
     checksum: int | None = None
-    """`opaque_id`: of the list on board; None from a vehicle that has none."""
+    """`opaque_id` of the list on board; None from a vehicle that has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +224,7 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True)
 class ComponentText:
-    """STATUSTEXT of a component of the vehicle that is not its autopilot."""
+    """STATUSTEXT of a component of the vehicle other than its autopilot."""
 
     component: int
     severity: int
@@ -233,19 +233,19 @@ class ComponentText:
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """What came of a vehicle's frames since the last such message, by their sequence numbers."""
+    """Frames received and missing since the last such message, by sequence number."""
 
     received: int
     missing: int
     link_bytes: int = 0
-    """Of all frames from it and to it; none where nobody counted them."""
+    """Bytes of all frames in both directions; 0 where they are not counted."""
     round_trip_s: float | None = None
-    """Of our questions to it, where one was measured since."""
+    """Round trip of our requests, where one was measured since."""
 
 
 @dataclass(frozen=True, slots=True)
 class Radio:
-    """RADIO_STATUS of our end of the link, in the device's units; None where it does not know."""
+    """RADIO_STATUS of our end of the link, in the device's units; None for unknown values."""
 
     rssi: int | None
     remote_rssi: int | None
@@ -256,53 +256,53 @@ class Radio:
 
 @dataclass(frozen=True, slots=True)
 class OrderSeen:
-    """A ground station told the vehicle what to do, or the vehicle accepted that.
+    """A command to the vehicle by another ground station, or its acceptance.
 
-    COMMAND_ACK is an order's shadow: who hears only what the vehicle sends sees nothing else of it.
+    COMMAND_ACK may be its only trace: a listener to the vehicle alone does not receive the command.
     """
 
     command: int
     """MAV_CMD; 176 also for the older SET_MODE."""
     custom_mode: int | None = None
-    """The mode that it orders, if it names one."""
+    """The mode it commands, if any."""
     by: int | None = None
-    """The system that orders; None where nothing tells it from us: it has our number, or an answer names nobody."""
+    """The commanding system; None where it cannot be distinguished from us: it has our id, or the answer names none."""
     to: int = 0
-    """The system that is ordered, where a connection carries more than one; 0 for everybody on it."""
+    """The addressed system, where a connection carries several; 0 for all."""
 
 
 class Actor(Enum):
-    """Who changed a mode, by the autopilot's own record of it."""
+    """The party that changed a mode, by the autopilot's own record."""
 
     PILOT = "pilot"
-    """By the transmitter: its mode switch, its sticks."""
+    """With the transmitter: its mode switch or sticks."""
     GROUND_STATION = "ground station"
     FAILSAFE = "failsafe"
     MISSION = "mission"
-    """A mission that ended, or one of its items."""
+    """The end of a mission, or one of its items."""
     UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True, slots=True)
 class ModeChange:
-    """The autopilot's own record of a change of mode: MODE of DataFlash with its reason, or what PX4 says."""
+    """The autopilot's own record of a mode change: MODE of DataFlash with its reason, or PX4's report."""
 
     custom_mode: int | None
-    """None for one that is not named: the one that its HEARTBEAT shows then."""
+    """None if not named: the mode in its HEARTBEAT at that time."""
     by: Actor
 
 
 @dataclass(frozen=True, slots=True)
 class RcChannels:
-    """RC_CHANNELS, RC_CHANNELS_RAW or RCIN: what the pilot's transmitter says."""
+    """RC_CHANNELS, RC_CHANNELS_RAW or RCIN: the channels of the pilot's transmitter."""
 
     values_us: tuple[int, ...]
-    """Of channel 1 and on; 0 where there is none."""
+    """From channel 1 on; 0 where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleSetting:
-    """A parameter of the vehicle that was seen on its way, or in its own log: nobody here asked for it."""
+    """A parameter of the vehicle that was overheard, or read in its own log: we did not request it."""
 
     name: str
     value: float
@@ -310,20 +310,20 @@ class VehicleSetting:
 
 @dataclass(frozen=True, slots=True)
 class ListedItem:
-    """An item of the vehicle's mission that was seen on its way, or in its own log: nobody here asked for it."""
+    """An item of the vehicle's mission that was overheard, or read in its own log: we did not request it."""
 
     item: MissionItem
 
 
 @dataclass(frozen=True, slots=True)
 class HeightTarget:
-    """NAV_CONTROLLER_OUTPUT, POSITION_TARGET_LOCAL_NED, or what a log has of them: the height that its autopilot wants.
+    """NAV_CONTROLLER_OUTPUT, POSITION_TARGET_LOCAL_NED, or their log records: the height that the autopilot wants.
 
-    ArduPilot moves its target with a vehicle that cannot follow: it is never more than some metres away.
+    ArduPilot moves its target along with a vehicle that cannot follow: it is never more than some metres away.
     """
 
     below_m: float
-    """How far the vehicle is below it; negative above it."""
+    """Distance of the vehicle below it; negative above it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,7 +334,7 @@ class OwnFailsafe:
     """battery, crash, ekf, gps, compass, motor, rc, ground station, fence, terrain, vibration, attitude or other."""
     active: bool
     words: str
-    """As a person reads it."""
+    """For people to read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,11 +349,11 @@ class ParamValue:
 
 @dataclass(frozen=True, slots=True)
 class ParamRefused:
-    """PARAM_ERROR, or a PARAM_VALUE that is no number: an answer without a value."""
+    """PARAM_ERROR, or a PARAM_VALUE that is not a number: an answer without a value."""
 
     name: str
     absent: bool
-    """Whether the vehicle says that it does not have it."""
+    """Whether the vehicle reports that it does not have it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,7 +364,7 @@ class Version:
     minor: int
     patch: int
     release: str = ""
-    """dev, alpha, beta or rc; empty for an official release, or where nobody knows."""
+    """dev, alpha, beta or rc; empty for an official release, or if unknown."""
 
     def __str__(self) -> str:
         return f"{self.major}.{self.minor}.{self.patch}" + (f"-{self.release}" if self.release else "")
@@ -372,46 +372,46 @@ class Version:
 
 @dataclass(frozen=True, slots=True)
 class StationHeard:
-    """HEARTBEAT of a ground station other than ours, which the vehicle or a router passes on."""
+    """HEARTBEAT of another ground station, passed on by the vehicle or a router."""
 
     system: int
     component: int
     behind: bool = False
-    """Whether it is behind `[forward]`: nobody hears it but through us."""
+    """Whether it is behind `[forward]`, and is received only through us."""
 
 
 @dataclass(frozen=True, slots=True)
 class StationActed:
-    """A ground station behind `[forward]` changes something on board, or is kept from it."""
+    """An action of a ground station behind `[forward]` that changes the vehicle, or was blocked."""
 
     system: int
-    """0 where it is about a port, and no station."""
+    """0 for a port without a station."""
     component: int
     words: str
-    """What it does, or why it may not."""
+    """The action, or why it was blocked."""
     passed: bool = True
-    """Whether the vehicle gets it."""
+    """Whether the vehicle receives it."""
 
 
 @dataclass(frozen=True, slots=True)
 class DoubleHeard:
-    """Two vehicles have the same sysid: frames come from two addresses in turn, or positions go to and fro."""
+    """Two vehicles with the same sysid: frames alternate between two addresses, or positions alternate."""
 
     system: int
-    """0 where who hears it does not know its number."""
+    """0 where the observer does not know it."""
     places: tuple[str, ...]
-    """The addresses; nothing where both speak from one."""
+    """The addresses; empty if both use one."""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureTaken:
-    """CAMERA_IMAGE_CAPTURED, CAMERA_FEEDBACK or CAMERA_TRIGGER: a camera says that it took a picture, or failed to."""
+    """CAMERA_IMAGE_CAPTURED, CAMERA_FEEDBACK or CAMERA_TRIGGER: a camera took a picture, or failed to."""
 
     source: PictureProof
     component: int
-    """Who says it."""
+    """The component that reports it."""
     camera: int
-    """Of a camera at the autopilot: which, counted from 1; 0 where nobody says."""
+    """For a camera at the autopilot its number, from 1; 0 if not reported."""
     sequence: int
     ok: bool
     boot_s: float | None
@@ -423,11 +423,11 @@ class PictureTaken:
     alt_msl_m: float | None = None
     alt_rel_m: float | None = None
     roll_deg: float | None = None
-    """Of the camera where it says so itself, else of the vehicle, as the next two."""
+    """Roll of the camera where it reports its own attitude, else of the vehicle; likewise the next two."""
     pitch_deg: float | None = None
     yaw_deg: float | None = None
     file: str = ""
-    """How the camera calls it."""
+    """The camera's name for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -437,9 +437,9 @@ class CameraStatus:
     component: int
     films: bool | None
     images: int | None
-    """How many it has taken."""
+    """Pictures taken so far."""
     free_mib: float | None
-    """Room on its card."""
+    """Space left on its card."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -454,38 +454,38 @@ class GimbalAttitude:
     """GIMBAL_DEVICE_ATTITUDE_STATUS or MOUNT_ORIENTATION."""
 
     pitch_deg: float
-    """From the horizon."""
+    """Relative to the horizon."""
     yaw_deg: float
-    """From the nose, or from north."""
+    """Relative to the nose, or to north."""
     from_north: bool
     failed: bool = False
-    """Whether it says that something is wrong with it."""
+    """Whether it reports a failure."""
 
 
 @dataclass(frozen=True, slots=True)
 class MessageInterval:
-    """MESSAGE_INTERVAL: whether a message is sent by itself."""
+    """MESSAGE_INTERVAL: whether a message is streamed."""
 
     message: int
     sent: bool
 
 
 PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
-"""What cameras and gimbals say, whichever component of the vehicle they are."""
+"""Messages of cameras and gimbals, from any component of the vehicle."""
 
 
 LinkMessage = Traffic | Radio | StationHeard | StationActed | DoubleHeard
-"""What others say about a vehicle, which does not mean that it was heard."""
+"""Messages of others about a vehicle; they are no contact with it."""
 EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
-"""What is about a vehicle and says nothing of where it is or what it does."""
+"""Messages about a vehicle without its position or activity."""
 
 SensorMessage = Position | Battery | SystemStatus | Attitude | Gps | EstimatorStatus | Wind | Home | HeightTarget
-"""What its sensors and its estimator say."""
+"""Reports of its sensors and its estimator."""
 StatusMessage = Heartbeat | LandedState | FenceStatus | MissionCurrent | MissionReached | ListedItem
-"""What it does, and on which mission."""
+"""Reports of its activity and its mission."""
 TextMessage = StatusText | ComponentText
 FlightMessage = SensorMessage | StatusMessage | TextMessage | LinkMessage | EvidenceMessage | PayloadMessage
-"""What the core follows in flight; it is logged and replayed."""
+"""Messages that the core follows in flight; they are logged and replayed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -496,14 +496,14 @@ class FileReply:
     """Of the request."""
     session: int
     error: int | None = None
-    """Why it was refused, by MAVFTP's numbers; None where it was not."""
+    """Why it was refused, as a MAVFTP error; None otherwise."""
     data: bytes = b""
 
 
 TransferMessage = MissionRequest | MissionAck | MissionCount | MissionItemInt
-"""Of transfers of a mission, or of another list of items; both sides say the same."""
+"""Messages of a transfer of a mission or another list of items; both sides send the same ones."""
 DialogueMessage = TransferMessage | FileReply | CommandAck | ParamValue | ParamRefused | Version | MessageInterval
-"""What only an open dialogue waits for."""
+"""Messages that only an open dialogue awaits."""
 
 Message = FlightMessage | DialogueMessage
 
@@ -523,7 +523,7 @@ class SendCommand:
     params: tuple[float, float, float, float, float, float, float] = (0.0,) * 7
     confirmation: int = 0
     component: int | None = None
-    """Another component than the autopilot."""
+    """A component other than the autopilot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -557,12 +557,12 @@ class FileRequest:
 
 @dataclass(frozen=True, slots=True)
 class SendHeartbeat:
-    """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
+    """Our HEARTBEAT, an input to every vehicle's GCS failsafe."""
 
 
 @dataclass(frozen=True, slots=True)
 class SendFiller:
-    """PING that is for nobody: bytes behind which a reader finds the next frame again."""
+    """PING without a target: filler bytes after which a reader finds the next frame again."""
 
 
 Outgoing = (

@@ -1,4 +1,4 @@
-"""The seams through which runtime knows the outside."""
+"""Define the ports through which runtime reaches the outside."""
 
 from __future__ import annotations
 
@@ -14,130 +14,130 @@ from missions import Pricing
 
 
 class Clock(Protocol):
-    """The time of the flight, which runs `speedup` times as fast as the real one in a simulation."""
+    """The time of the flight, `speedup` times real time in a simulation."""
 
     @property
     def speedup(self) -> float:
-        """Seconds of the flight in a real second."""
+        """Seconds of the flight per real second."""
 
     def now_s(self) -> float:
-        """Seconds since the ground station began; never goes back."""
+        """Return the seconds since the ground station started; never goes back."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkView:
-    """One of a vehicle's links, as far as it is worth showing."""
+    """One of a vehicle's links, as displayed."""
 
     connection: str
     heard_age_s: float | None
-    """How long ago something came over it; None if nothing ever did."""
+    """Age of the last message; None if there was none."""
     loss: float | None
-    """Share of its frames that were lost in the last seconds."""
+    """Share of frames lost in the last seconds."""
     used: bool
-    """Whether orders and missions go over it."""
+    """Whether commands and missions use it."""
 
 
 class Link(Protocol):
-    """One vehicle's messages, in and out."""
+    """The messages of one vehicle, in and out."""
 
     @property
     def peer(self) -> Hashable | None:
-        """What its frames go to: links with the same one share a radio, and what is for everybody goes there once.
+        """The destination of its frames: links with the same one share a radio, and broadcasts are sent there once.
 
-        None as long as nobody knows.
+        None while unknown.
         """
 
     @property
     def connection(self) -> str:
-        """Its connection, as the site file has it."""
+        """Its connection string from the site file."""
 
     @property
     def ways(self) -> Sequence[Link]:
-        """The links that it is made of, the one that orders go over first; one of one connection is its own."""
+        """The links it consists of, the one in use first; a link with a single connection is its own."""
 
     @property
     def is_alive(self) -> bool:
-        """Whether something came over it just now, as far as anybody looks: where a vehicle has several links."""
+        """Whether a message arrived just now, where a vehicle has several links."""
 
     def describe_links(self) -> tuple[LinkView, ...]:
-        """Return the state of each of its links; nothing where it has but one."""
+        """Return the state of each of its links; empty if it has only one."""
 
     def send(self, message: Outgoing) -> None:
-        """Send without waiting; what cannot be sent is lost, as on the air."""
+        """Send without waiting; frames that cannot be sent are lost, as on the air."""
 
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
-        """Call `listener` with every message from now on; returns how to stop that."""
+        """Call `listener` with every message from now on; return a function that stops it."""
 
 
 @dataclass(slots=True)
 class LinkCounts:
-    """What came from a vehicle and what did not."""
+    """Frames of a vehicle received and missing."""
 
     received: int = 0
     missing: int | None = 0
-    """Frames that the sequence numbers say were sent and never came; None where they cannot be seen."""
+    """Frames missing by sequence number; None where numbers are not visible."""
     foreign: int = 0
-    """Frames of systems on this connection that are nobody's vehicle."""
+    """Frames on this connection from systems that are no vehicle of the site."""
     refused: dict[str, int] = field(default_factory=dict)
-    """Frames that were not believed, by the reason: unsigned, forged or replayed."""
+    """Frames rejected, by reason: unsigned, forged or replayed."""
     strangers: dict[int, str] = field(default_factory=dict)
-    """Those systems, and where each was heard."""
+    """Those systems, and the addresses they sent from."""
     by_connection: dict[str, LinkCounts] = field(default_factory=dict)
-    """Of a vehicle with several links: of each."""
+    """For a vehicle with several links, the counts of each."""
 
 
 class OpenLink(Link, Protocol):
-    """A link of the flight, as long as it is open."""
+    """A link of the flight while it is open."""
 
     @property
     def counts(self) -> LinkCounts:
-        """What came so far."""
+        """The counts so far."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkRequest:
-    """A link to be opened."""
+    """A link to open."""
 
     connection: Connection
     sysid: int
     log: Callable[[bytes], None] = lambda _: None
-    """Takes every frame of both directions, to record it."""
+    """Records every frame of both directions."""
     more: tuple[LinkRequest, ...] = ()
     """Further links to the same vehicle, each with its own record."""
     may_be_absent: bool = False
-    """Whether a device that is not there now is opened once it is, as the vehicle has other links."""
+    """Whether to open a missing device once it appears, as the vehicle has other links."""
 
 
 @dataclass(frozen=True, slots=True)
 class Keyring:
-    """What frames are signed with."""
+    """The key and clock for signing frames."""
 
     key: bytes = field(repr=False)
-    """32 bytes; nothing may show them."""
+    """32 bytes, never displayed."""
     unix_s: Callable[[], float]
     """Seconds since 1970 by a clock that does not go back."""
 
 
 class EventSink(Protocol):
-    """Where events are written before they are applied."""
+    """The log to which events are written before they are applied."""
 
     def write(self, event: Event, now_s: float) -> None:
         """Append one event."""
 
     async def settle(self) -> None:
-        """Wait until everything written outlives a power loss, or the disk has had its time."""
+        """Wait until all events written survive a power loss, or the disk has had its time."""
 
 
 class Solver(Protocol):
-    """The planner in a process of its own."""
+    """The planner in its own process."""
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         """Return the best routes found within the deadline."""
 
     def cancel(self, revision: int) -> None:
-        """Make whatever works on this revision stop soon."""
+        """Stop the work on a revision soon."""
 
 
 LossJudge = Callable[[Solve, Pricing], Coroutine[None, None, tuple[int, ...] | None]]
-"""The planner, asked what would be when nothing else is asked: returns the segments that could not be covered; None if
-something more urgent came."""
+"""The planner as an idle-time judge: returns the segments a loss would leave uncovered; None if interrupted by
+something more urgent."""

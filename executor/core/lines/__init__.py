@@ -1,1 +1,1 @@
-"""What the crew reads in flight, one module per subject: to be read in one sitting, and translated."""
+"""Lines for the crew in flight, one module per subject, to be reviewed and translated together."""

@@ -1,4 +1,4 @@
-"""Lines about the battery: what it lost, what it will land with, what its pack holds."""
+"""Lines about the battery: charge lost, charge expected at landing, contents of the pack."""
 
 STEP = "lost {lost_pct:.0f} % at once where the flight costs {usual_pct:.1f} %"
 DRAIN = "used {used_pct:.1f} % in {time_s:.0f} s where {usual_pct:.1f} % is usual{counted}"
@@ -23,7 +23,7 @@ FAULTS = {
     1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature",
     64: "a voltage that does not fit", 256: "cells that are not the set ones",
 }  # fmt: skip
-"""MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
+"""MAV_BATTERY_FAULT bits; spikes (2), cold (32) and firmware (128) end no flight."""
 BESIDES = "besides, {finding}"
 
 PACK = "its pack {condition}"

@@ -1,4 +1,4 @@
-"""Lines of the checklist before a flight: what is right, what is worth a look, and what is a reason not to fly."""
+"""Lines of the checklist before a flight: passed, worth a look, or a reason not to fly."""
 
 from executor.core.interface.codes import CheckCode, ChecklistLine, Severity
 
@@ -6,7 +6,7 @@ OK, WARNING, STOP = Severity
 
 NOT_READ = ChecklistLine(STOP, CheckCode.NOT_READY, "{what} not known: {unread}; is the link too bad?")
 
-# Who it is, and where it stands.
+# Identity and position.
 FIRMWARE = ChecklistLine(OK, CheckCode.FIRMWARE, "{firmware}")
 FIRMWARE_UNKNOWN = ChecklistLine(WARNING, CheckCode.FIRMWARE, "{firmware}; faultline is tested with {tested}")
 FIRMWARE_OLD = ChecklistLine(
@@ -34,7 +34,7 @@ PAD_GROUND = ChecklistLine(
     "ground than planned if the raster is right",
 )  # fmt: skip
 
-# What it does by itself.
+# Automatic actions.
 DECLARED_LOST = ChecklistLine(OK, CheckCode.LINK_FAILSAFE, "{failsafe}; declared lost after {waited_s:g} s")
 DECLARED_LATER = ChecklistLine(
     WARNING, CheckCode.LINK_FAILSAFE,
@@ -99,7 +99,7 @@ NO_SHUTTER = ChecklistLine(
     WARNING, CheckCode.CAMERA, "{said}: its autopilot takes no pictures {words}; expected {remedy}, and a restart"
 )
 
-# Its battery and its pack.
+# Battery and pack.
 SPARE = ChecklistLine(OK, CheckCode.ENERGY, "stays on the ground as a spare, battery {left_pct:.0f} %")
 ENERGY = ChecklistLine(
     OK, CheckCode.ENERGY,
@@ -127,7 +127,7 @@ HAS = " has {what}, by {flights}"
 WORN_BUDGET = ": budget {budget_pct:.0f} %"
 EMPTY_AT = "empty at {empty_pct:.0f} % of what it counts"
 
-# The links and the record.
+# Links and record.
 SIGNED = ChecklistLine(OK, CheckCode.SIGNING, "frames are signed; frames not signed with our key are rejected")
 UNSIGNED = ChecklistLine(OK, CheckCode.SIGNING, "frames are not signed; {beyond}")
 RADIOS = "a radio like ours on the same channel could command the vehicles"
@@ -157,7 +157,7 @@ DISK_FULL = ChecklistLine(WARNING, CheckCode.DISK, DISK.words + ": it may not fi
 SEPARATED = ChecklistLine(OK, CheckCode.SEPARATION, "any two vehicles stay at least {layer_m:g} m apart")
 TOO_NEAR = ChecklistLine(STOP, CheckCode.SEPARATION, "{found}")
 
-# Parameters that are set for the flight.
+# Parameters set for the flight.
 TO_BE_SET = ChecklistLine(OK, CheckCode.PARAMETER_CHANGE, "to be set for the flight: {change}")
 CHANGES_UNKNOWN = ChecklistLine(
     STOP, CheckCode.RTL_ALTITUDE, "what must be set on it is not known: {unread}; is the link too bad?"

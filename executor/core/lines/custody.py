@@ -1,4 +1,4 @@
-"""Lines about who has a vehicle, why it is not commanded, and whose mission it carries."""
+"""Lines about which party controls a vehicle, why it is not commanded, and whose mission is on board."""
 
 from executor.core.interface.commands import CrewLine, Level
 

@@ -1,4 +1,4 @@
-"""Lines about failsafes: what an autopilot says of itself, and who changed its mode."""
+"""Lines about failsafes: the autopilot's own reports, and which party changed the mode."""
 
 SAYS = "it says: {words}"
 ALSO_SAYS = "; it says: {words}"

@@ -1,4 +1,4 @@
-"""Lines about the flight as a whole: what is not proven, what is seen again, and its end."""
+"""Lines about the whole flight: unproven segments, second inspections, and its end."""
 
 from executor.core.interface.commands import CrewLine, Level
 

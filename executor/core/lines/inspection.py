@@ -1,4 +1,4 @@
-"""Lines about inspections that do not count, and pictures that do not."""
+"""Lines about inspections and pictures that do not count."""
 
 BESIDE_LINE = "{beside_m:.0f} m beside the line"
 NO_POSITION = "no position for {gap_s:.1f} s"

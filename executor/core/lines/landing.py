@@ -1,4 +1,4 @@
-"""Lines about the ground: who has landed, came down otherwise, or disarmed where it should not have."""
+"""Lines about vehicles on the ground: landed, down elsewhere, or disarmed in the wrong place."""
 
 from executor.core.interface.commands import CrewLine, Level
 

@@ -1,4 +1,4 @@
-"""Lines about links: lost and regained, single streams, who else is on one, and what vehicles say over it."""
+"""Lines about links: lost and regained, single streams, other parties, and vehicles' own texts."""
 
 from executor.core.interface.commands import CrewLine, Level
 

@@ -1,4 +1,4 @@
-"""Lines about what an operator asks for: why it is refused, what has to be confirmed, what becomes of it."""
+"""Lines about an operator's intents: refusals, confirmations and outcomes."""
 
 from executor.core.interface.commands import CrewLine, Level
 from executor.core.interface.intents import IntentReason
@@ -6,7 +6,7 @@ from executor.core.lines import pilot, position, replanning
 
 INFO, WARNING, _ = Level
 
-# Why it is refused. The same codes go to the page and over MQTT.
+# Refusals. Their codes also go to the page and over MQTT.
 OVER = IntentReason.OVER, "the flight is over"
 NOT_BEGUN = IntentReason.NOT_BEGUN, "the flight has not begun"
 BEGUN = IntentReason.BEGUN, "the flight has begun"
@@ -71,7 +71,7 @@ NOT_ASKED_FOR = IntentReason.ASSET_NEVER_FLOWN, "{asset} is never flown: it is n
 NO_CAMERA = IntentReason.ASSET_NEVER_FLOWN, "{asset} is never flown: no vehicle has a camera {cameras} that works"
 ASSET_OPEN = IntentReason.ASSET_OPEN, "{asset} is open already"
 
-# What has to be confirmed first.
+# Confirmations.
 UNCONFIRMED = "has to be confirmed"
 MAY_DISARM = "{vehicle} is down at {place}: force its motors off? If it is still flying, it will fall"
 MAY_SWAP = "{vehicle} will take off once its checks pass. {installed}, and its pad clear of people?"
@@ -80,7 +80,7 @@ IS_ANY_PACK_INSTALLED = "Is another pack installed, or its own charged"
 MAY_INCLUDE = "{vehicle} may take off once its mission is uploaded. Is its pad clear of people?"
 MAY_TAKE_CONTROL = "{vehicle} is with its pilot. Take control of it? Speak to the pilot first"
 
-# What is ordered then.
+# Orders that follow.
 REFUSED = CrewLine(WARNING, "{source} asks: {asked}; refused: {reason}")
 ORDERED = CrewLine(INFO, "{source} asks: {asked}; {text}")
 HOLD = "hold commanded"
@@ -125,7 +125,7 @@ ABORT_IDLE = "no vehicle is on its mission; no further take-off"
 RECALLED = CrewLine(WARNING, "flight aborted by the operator, all vehicles return")
 PILOT_NOT_RECALLED = CrewLine(WARNING, "{vehicle}: is with its pilot; RTL not commanded")
 
-# How it ends.
+# Outcomes.
 NOT_FOLLOWED = CrewLine(WARNING, "{vehicle}: did not follow the order: {action} ({reason})")
 FOLLOWED = CrewLine(INFO, "{vehicle}: {does}{note}")
 COMES_HOME = CrewLine(INFO, "{vehicle}: returns")

@@ -1,4 +1,4 @@
-"""Lines about cameras, gimbals, and whether what was flown was seen."""
+"""Lines about cameras, gimbals, and assets flown but not seen."""
 
 from executor.core.interface.commands import CrewLine, Level
 

@@ -1,4 +1,4 @@
-"""Lines about a vehicle that a person has: its pilot, or another ground station."""
+"""Lines about vehicles under a person's control: the pilot's, or another ground station's."""
 
 from executor.core.interface.commands import CrewLine, Level
 

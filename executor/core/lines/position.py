@@ -1,4 +1,4 @@
-"""Lines about where a vehicle is, and how that is known."""
+"""Lines about a vehicle's position and how well it is known."""
 
 UNKNOWN_PLACE = "an unknown place"
 UNKNOWN = "its position is not known"

@@ -1,10 +1,10 @@
-"""Lines about re-plans: why one begins, what it gains, whose missions change, and what is left over."""
+"""Lines about re-plans: trigger, gain, changed missions, segments left over."""
 
 from executor.core.interface.commands import CrewLine, Level
 
 INFO, WARNING, FAULT = Level
 
-# Why: named in the line of the re-plan that begins.
+# Triggers, named in the re-plan's first line.
 NOT_PROVEN = "inspection not proven: {segments}"
 WITHOUT_VEHICLE = "assigned to no vehicle: {segments}"
 ANSWERS = "{vehicle}: answers again"
@@ -15,7 +15,7 @@ PROOF_LEFT = CrewLine(WARNING, "inspection of some segments not proven; left for
 NOBODY_ALOFT = CrewLine(WARNING, "no vehicle in the air can take over {segments}")
 NOBODY_LEFT = CrewLine(WARNING, "no vehicle is left to inspect {segments}")
 
-# What it gains.
+# The gain.
 FAILED = CrewLine(WARNING, "re-plan {revision} failed: {reason}; trying again")
 TOO_LATE = CrewLine(INFO, "re-plan {revision} came too late for {vehicles}; planning again")
 FOUND = CrewLine(INFO, "re-plan {revision} found in {solve_s:.2f} s{gained}; new missions for {vehicles}")
@@ -33,7 +33,7 @@ BUDGET_SHORT = CrewLine(WARNING, "{vehicles}: not enough battery for its whole m
 BUDGETS_SHORT = CrewLine(WARNING, "{vehicles}: not enough battery for their whole missions")
 NOT_COVERED = CrewLine(WARNING, "remaining battery does not cover {segments}")
 
-# Its missions go on board.
+# Uploads of its missions.
 LATE = CrewLine(INFO, "{vehicle}: {why}; re-plan {revision} is planned again for it")
 FLEW_ON = "moved on before its new mission arrived"
 LEFT_MISSION = "left its mission before the new one arrived"
@@ -58,12 +58,12 @@ ENDED_AFTER = CrewLine(INFO, "{plan} is on board after {since_s:.1f} s")
 ENDED_WITHOUT = CrewLine(INFO, "{plan} ended; not uploaded to {vehicles}")
 ENDED_SAME = CrewLine(INFO, "{plan} ended; no mission has changed")
 
-# Nearer to the line, where nothing is open.
+# Lower missions, with nothing open.
 LOWER = CrewLine(INFO, "{vehicle}: airspace at {segments} is free; new mission at inspection height")
 AGAIN_ALOFT = CrewLine(INFO, "{vehicle}: re-inspects {segments} at inspection height; new mission before it returns")
 AGAIN_FROM_PAD = CrewLine(INFO, "{vehicle}: re-inspects {segments} at inspection height; takes off after upload")
 
-# A vehicle leaves the plan.
+# Vehicles that leave the plan.
 LEAVES = CrewLine(FAULT, "{parts}")
 FAULT_TRIGGER = "{vehicle}: {kind}, {why}"
 LINK_TRIGGER = "{vehicle}: {why}"

@@ -1,4 +1,4 @@
-"""Lines about a flight that is taken up again: after a silence of a vehicle, or of the ground station."""
+"""Lines about resuming after a silence of a vehicle, or an absence of the ground station."""
 
 from executor.core.interface.commands import CrewLine, Level
 
@@ -25,7 +25,7 @@ HAS_FLOWN = CrewLine(
 LANDED_BEFORE = "landed when its new mission came"
 UNSTARTED_BEFORE = "had not started when its new mission came"
 
-# What was flown while nobody listened.
+# Segments flown without contact.
 INFERRED = CrewLine(INFO, "{vehicle}: flew {segments} during the outage, inferred from its clock and position")
 NOT_COUNTED = CrewLine(WARNING, "{vehicle}: flight during the outage is not counted: {why}")
 ASKS_FOR_PROOF = "the site asks for proof by positions"

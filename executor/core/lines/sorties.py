@@ -6,7 +6,7 @@ from executor.core.lines import takeoff
 
 INFO, WARNING, FAULT = Level
 
-# Vehicles on the ground are offered to the crew.
+# Offers to the crew.
 OFFER = CrewLine(FAULT, "{offer} Use include for each that may take off")
 OFFERED = "{vehicles} can {work} ({names}). {pads} clear of people?"
 TAKE_OVER = "take over {segments}"
@@ -18,13 +18,13 @@ EXPIRED = CrewLine(WARNING, "no vehicle was cleared for take-off within {offer_s
 LEFT_OVER = "{segments} {is_} left over"
 BACK_IN_SERVICE = "{vehicle}: back in service with {left_pct:.0f} % in its battery"
 
-# Nobody starts.
+# No take-off.
 KILL_SWITCH = CrewLine(FAULT, "{vehicle}: its kill switch is on; no start until included")
 KILL_SWITCH_TRIGGER = "{vehicle}: its kill switch is on"
 CLOSED_IN_START = "its base was closed during its start"
 BASE_IS_CLOSED = "base {base} is closed"
 
-# A turnaround.
+# Turnaround.
 PARAMETERS_SET = CrewLine(INFO, "{vehicle}: parameters set again after reboot: {changes}")
 PARAMETERS_MOVED = CrewLine(INFO, "{vehicle}: parameters set for its pad at another base: {changes}")
 CHECKS_PASSED = CrewLine(INFO, "{vehicle}: its checks have passed: {pack}{more}")
@@ -55,7 +55,7 @@ EXPIRED_CLEARANCE = (
     IntentReason.OVERTAKEN, "it could not start within {cleared_s:g} s, and its pad may not be clear any more"
 )  # fmt: skip
 
-# What it waits for, and flies.
+# Waiting for a sortie, and its start.
 AWAITED = "waiting for pack confirmation: sortie {number}, {segments}"
 AWAITED_OPEN = "waiting for pack confirmation: {segments} open"
 WITH_PACKS = "{waits}; by the plan's count {packs}"

@@ -1,4 +1,4 @@
-"""Lines about speed: who slows down for whom, and who does not move."""
+"""Lines about speed: vehicles that slow down for others, and vehicles that do not move."""
 
 from executor.core.interface.commands import CrewLine, Level
 

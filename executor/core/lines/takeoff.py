@@ -1,4 +1,4 @@
-"""Lines about starts: who takes off, waits, is tried again, or stays on its pad; and who is on the ground after it."""
+"""Lines about starts: take-off, waiting, another attempt, staying on the pad; and vehicles on the ground afterwards."""
 
 from executor.core.interface.commands import CrewLine, Level
 
@@ -21,7 +21,7 @@ CLOCK_FELL_BACK = "its clock fell back: its autopilot may have rebooted since it
 NOT_IN_TIME = "did not start within {window_s:.0f} s of take-off clearance"
 ARMED_LATE = CrewLine(WARNING, "{vehicle}: armed on its pad although the start was cancelled")
 
-# Who is on the ground, or should be.
+# On the ground, or due to be.
 DOWN_AT = CrewLine(FAULT, "{vehicle}: {place}")
 FLIES_AGAIN = CrewLine(FAULT, "{vehicle}: reported {taken_for} but is airborne, {position}")
 AWAITS_SORTIE = CrewLine(INFO, "{vehicle}: {waits}")

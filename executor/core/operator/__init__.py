@@ -1,1 +1,1 @@
-"""What the crew asks for in flight: refused with a reason, or ordered and answered."""
+"""Decide an operator's intents in flight: refused with a reason, or ordered and answered."""

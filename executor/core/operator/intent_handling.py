@@ -1,4 +1,4 @@
-"""What becomes of an operator's intent: refused with its reason, or ordered, and answered by the vehicle itself."""
+"""Handle an operator's intent: refuse it with its reason, or order it and track the vehicle's own answer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from executor.core.ground import out_of_service, pack_count, takeoff_offers, tur
 from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
+from executor.core.inflight.custody.mode_causes import is_holding, is_under_foreign_control
 from executor.core.inflight.homing import bring_home, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
@@ -30,20 +30,20 @@ from executor.core.state.vehicle_position import describe_down_place
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 
 KEPT_INTENTS = 500
-"""Older ones that have come to their end are forgotten."""
+"""Number of intents kept; older ended ones are dropped."""
 ANSWER_S = 90.0
-"""A vehicle that has not answered an order by then did not hear it."""
+"""Time without an answer after which a vehicle did not receive a command."""
 OTHERS_MODE_S = 20.0
-"""A held vehicle that flies its mission for longer than this was sent on by somebody else, or never heard the order."""
+"""Time on its mission after which a held vehicle was resumed by another party, or never received the command."""
 SHARED_S = 15.0
-"""So long the work of one that was cleared to fly again waits for the others that were offered."""
+"""Wait of a cleared vehicle's segments for the other vehicles of the offer."""
 _RETURNS = frozenset({Action.RETURN, Action.EXCLUDE, Action.ABORT})
 _ON_MISSION = frozenset({Stage.FLYING, Stage.STARTING})
 
 
 @dataclass(frozen=True, slots=True)
 class _IntentResult:
-    """What an intent leads to."""
+    """The result of an intent."""
 
     state: FleetState
     text: str
@@ -51,12 +51,12 @@ class _IntentResult:
     waiting: frozenset[str] = frozenset()
     """Vehicles whose own answer decides."""
     open: bool = False
-    """Whether something else than an answer decides."""
+    """Whether another condition decides."""
     level: Level = Level.INFO
 
 
 def apply_intent(context: Context, state: FleetState, intent: Intent, now_s: float) -> Stepped:
-    """Take an intent; one that was taken before changes nothing."""
+    """Apply an intent; a repeated one changes nothing."""
     if intent.id in state.crew.intents:
         return state, ()
     source, asked = intent.source, _describe_intent(intent)
@@ -112,7 +112,7 @@ def _return(pending: PendingIntent) -> _IntentResult:
     vehicle, now_s = pending.vehicle, pending.now_s
     state, more = _send_vehicle_home(pending.context, pending.state, vehicle, now_s, force=pending.intent.confirmed)
     state, others = withdraw_vehicle(state, vehicle.name, operator.RETURNS.format(vehicle=vehicle.name), now_s)
-    # Over its pad a vehicle lands, and not every one is to be commanded now.
+    # Over its pad a vehicle lands, and not every one may be commanded now.
     kinds, begins = {type(command) for command in more}, operator.RETURN_ORDERED
     if kinds & {SendHome, LandNow}:
         begins = operator.RETURN_BEGINS if SendHome in kinds else operator.LANDING_BEGINS
@@ -122,10 +122,10 @@ def _return(pending: PendingIntent) -> _IntentResult:
 def _send_vehicle_home(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, force: bool = False
 ) -> Stepped:
-    """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
+    """Return a vehicle from its mission; one not armed yet must not take off."""
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
         left = leave_plan(vehicle, Stage.LANDED, now_s)
-        return state.put(left.with_orders(excluded=True)), (SendHome(vehicle.name),)  # in place of its start
+        return state.put(left.with_orders(excluded=True)), (SendHome(vehicle.name),)  # instead of its start
     left = leave_plan(vehicle, Stage.RETURNING, now_s).with_orders(excluded=True)
     if force:
         left = left.with_custody(taken=None, cause=ModeCause.OURS)
@@ -152,7 +152,7 @@ def _exclude(pending: PendingIntent) -> _IntentResult:
         state = pending.state.put(vehicle.with_orders(cleared_s=None).with_assignment(pending=None))
         if not given:
             return _IntentResult(state, operator.STAYS_ON_GROUND)
-        # It would start as soon as its new mission is on board.
+        # It would start once its new mission is on board.
         return _withdraw(pending, state, operator.EXCLUDED_ON_GROUND, operator.STAYS_ON_GROUND)
     if vehicle.stage is Stage.PILOT:
         hold = replace(vehicle.custody.taken, given_away=True) if vehicle.custody.taken is not None else None
@@ -161,7 +161,7 @@ def _exclude(pending: PendingIntent) -> _IntentResult:
     fault = Fault(FaultKind.OPERATOR, operator.EXCLUDED, pending.now_s, FaultCode.OPERATOR_EXCLUDE)
     state, commands = declare_fault(pending.context, pending.state.put(vehicle), vehicle, fault)
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
-        commands = (*commands, SendHome(vehicle.name))  # in place of its start
+        commands = (*commands, SendHome(vehicle.name))  # instead of its start
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
     text = operator.TAKEN_OUT_RETURNS if told else operator.TAKEN_OUT
     alone, gone = replan_cycle.find_orphan_segments(pending.context, state), {Stage.LOST, Stage.RETURNING}
@@ -172,7 +172,7 @@ def _exclude(pending: PendingIntent) -> _IntentResult:
 
 
 def _withdraw(pending: PendingIntent, state: FleetState, trigger: str, text: str) -> _IntentResult:
-    """Plan around a vehicle that is not commanded for it."""
+    """Plan around a vehicle without a command to it."""
     name = pending.vehicle.name
     state, more = withdraw_vehicle(state, name, trigger.format(vehicle=name), pending.now_s)
     return _IntentResult(state, text, more)
@@ -188,7 +188,7 @@ def _include(pending: PendingIntent) -> _IntentResult:
     state, ready = return_to_service(state, vehicle)
     state = clear_for_takeoff(state, ready, pending.now_s)
     if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:
-        # The others may be cleared in a moment: the work is shared then.
+        # The others may be cleared in a moment, to share the segments.
         state = state.with_replanning(wait_until_s=max(state.replanning.wait_until_s, pending.now_s + SHARED_S))
     if replan_cycle.find_orphan_segments(context, state) or left:
         return _IntentResult(state, operator.INCLUDED_REPLANNING)
@@ -278,7 +278,7 @@ def _prove(pending: PendingIntent) -> _IntentResult:
 def _abort(pending: PendingIntent) -> _IntentResult:
     state, commands = recall_fleet(pending.context, pending.state, pending.now_s)
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
-    commands = commands[1:]  # the first line says what the intent's own does
+    commands = commands[1:]  # the first line repeats the intent's own
     text = operator.ABORT
     if not told:
         text = operator.ABORT_IDLE if state.listening.silent_since_s is None else operator.ABORT_UNHEARD
@@ -286,7 +286,7 @@ def _abort(pending: PendingIntent) -> _IntentResult:
 
 
 def recall_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Send everybody home."""
+    """Return all vehicles."""
     commands: list[Command] = [operator.RECALLED.say()]
     if state.replanning.replan is not None and state.replanning.replan.solve_s is None:
         commands.append(CancelSolve(state.replanning.replan.solve.revision))
@@ -302,13 +302,13 @@ def recall_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 @dataclass(frozen=True, slots=True)
 class _Order:
-    """What an intent does, and what is said of it then."""
+    """The action of an intent, and its lines."""
 
     order: Callable[[PendingIntent], _IntentResult]
     done: str = ""
     """Of the intent, once every vehicle has answered."""
     does: str = ""
-    """Of the vehicle that has followed."""
+    """Of the vehicle that has complied."""
 
 
 _ORDERS: Mapping[Action, _Order] = {
@@ -332,7 +332,7 @@ _ORDERS: Mapping[Action, _Order] = {
 
 
 def apply_order_result(context: Context, state: FleetState, event: OrderEnded | ReturnEnded, now_s: float) -> Stepped:
-    """Take a vehicle's answer to an order."""
+    """Apply a vehicle's answer to a command."""
     name, action = event.vehicle, event.action
     actions = {Action.RETURN: _RETURNS, Action.LAND: _RETURNS | {Action.LAND}}.get(action, frozenset({action}))
     state, more = homing.apply_homing_result(state, event, now_s) if Action.RETURN in actions else (state, ())
@@ -341,13 +341,14 @@ def apply_order_result(context: Context, state: FleetState, event: OrderEnded | 
         line = operator.RTL_REFUSED if event.refused else operator.RTL_UNANSWERED
         return state, ((operator.COMES_HOME if event.accepted else line).say(vehicle=name, reason=event.reason), *more)
     if action is Action.HOLD and not event.accepted and vehicle.orders.held_s is not None:
-        # It may still obey, or have obeyed unheard: no change of mode by itself. `settle_intents` forgets it later.
+        # It may still comply, or have done so unnoticed: that is no mode change by itself. `settle_intents` clears this
+        # later.
         state = state.put(vehicle.with_orders(ordered_mode_s=now_s))
     if action is Action.RESUME and event.accepted and vehicle.orders.held_s is not None:
         gone_on = vehicle.with_orders(held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s)
         state = state.put(gone_on.with_motion(anchor=None))
     if action is Action.DISARM and not event.accepted and vehicle.stage is Stage.RETURNING:
-        # It was to be stopped on the ground and is not there any more.
+        # It was to disarm on the ground, and is no longer there.
         state, more = homing.bring_home(context, state, vehicle, now_s)
     if not event.accepted:
         return state, (operator.NOT_FOLLOWED.say(vehicle=name, action=action.value, reason=event.reason), *more)
@@ -361,7 +362,7 @@ def apply_order_result(context: Context, state: FleetState, event: OrderEnded | 
 def _close_intents(
     state: FleetState, vehicle: str, actions: Collection[Action], event: OrderEnded | ReturnEnded, now_s: float
 ) -> FleetState:
-    """Note an answer in every intent that waits for it."""
+    """Record an answer in every intent that waits for it."""
     intents = dict(state.crew.intents)
     for name, record in state.crew.intents.items():
         if record.intent.action not in actions or vehicle not in record.waiting:
@@ -377,11 +378,14 @@ def _close_intents(
 
 
 def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
+    """End intents that no answer ends, and detect held vehicles that other parties have resumed."""
     for vehicle in state.vehicles.values():
-        if vehicle.orders.held_s is not None and _is_back_on_mission(context, vehicle, now_s):
+        orders = vehicle.orders
+        quiet = now_s - max(orders.ordered_mode_s, vehicle.telemetry.mode_since_s) > OTHERS_MODE_S
+        asked = vehicle.stage is Stage.FLYING and now_s - orders.hold_asked_s <= FOLLOWED_LATE_S
+        if orders.held_s is not None and quiet and not vehicle.link.stale and is_on_mission(context, vehicle):
             state = state.put(vehicle.with_orders(held_s=None).with_motion(anchor=None))
-        elif vehicle.orders.held_s is None and _is_holding_late(context, vehicle, now_s):
+        elif orders.held_s is None and asked and is_holding(context, vehicle):
             state = state.put(vehicle.with_orders(held_s=now_s))
     ended = {
         name: replace(record, waiting=frozenset()).end(outcome, text, now_s, code)
@@ -394,23 +398,12 @@ def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped
     return state.with_crew(intents=MappingProxyType({**state.crew.intents, **ended})), ()
 
 
-def _is_back_on_mission(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    quiet = now_s - max(vehicle.orders.ordered_mode_s, vehicle.telemetry.mode_since_s) > OTHERS_MODE_S
-    return quiet and not vehicle.link.stale and is_on_mission(context, vehicle)
-
-
-def _is_holding_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    if vehicle.stage is not Stage.FLYING or now_s - vehicle.orders.hold_asked_s > FOLLOWED_LATE_S:
-        return False
-    return vehicle.mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-
-
 _End = tuple[Outcome, tuple[IntentReason | None, str]]
-"""How an intent ends, as a code and in words."""
+"""The end of an intent, as a code and in words."""
 
 
 def _find_ends(state: FleetState, record: IntentRecord, now_s: float) -> tuple[_End, ...]:
-    """Return how an intent ends; nothing while it is under way."""
+    """Return how an intent ends; empty while it is under way."""
     if record.intent.action in {Action.REPLAN, Action.PROVE}:
         return _find_replan_ends(state, record)
     for name in sorted(record.waiting):

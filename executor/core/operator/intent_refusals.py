@@ -1,4 +1,4 @@
-"""When an operator's intent is refused: it would be unsafe, or there is nothing to do."""
+"""Decide whether an operator's intent is refused, because it would be unsafe or change nothing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from executor.core.ground.takeoff_offers import find_open_segments, is_offered_r
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, Reason, fill_in
+from executor.core.interface.intents import BEFORE_FLIGHT, FOR_ALL, FOR_BASE, Action, Intent, Reason, fill_in
 from executor.core.lines import operator
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import ON_GROUND, find_takeoff_obstacles
@@ -27,17 +27,17 @@ from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
 from missions.geometry import place_distances_m
 
-LINE_M = 12.0
-"""Nearer to the line than this nobody lands: wires sag and swing, and pylons are 5 to 10 m wide."""
-PAD_M = 4.0
-"""Nearer to somebody else's pad than this nobody lands."""
+LINE_DISTANCE_M = 12.0
+"""Distance to the line below which no landing is commanded: wires sag and swing, and pylons are 5 to 10 m wide."""
+PAD_DISTANCE_M = 4.0
+"""Distance to another vehicle's pad below which no landing is commanded."""
 _DOWN_OR_AT_REST = ON_GROUND | {Stage.DOWN}
 _COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND})
 
 
 @dataclass(frozen=True, slots=True)
 class PendingIntent:
-    """What an operator asks for, and the flight in which it does so."""
+    """An operator's intent, and the flight it is for."""
 
     context: Context
     state: FleetState
@@ -46,13 +46,13 @@ class PendingIntent:
 
     @property
     def vehicle(self) -> VehicleState:
-        """The vehicle that it is for."""
+        """The vehicle of the intent."""
         if self.intent.vehicle is None:
             raise ValueError(f"{self.intent.action.value} names no vehicle")
         return self.state.vehicles[self.intent.vehicle]
 
     def refuse(self, reason: Reason, **values: object) -> Reason:
-        """Return a reason with its words filled in: with these values, and with what the intent itself says."""
+        """Return a reason with its text filled in from these values and from the intent."""
         known = self.state.vehicles.get(self.intent.vehicle or "")
         values |= {"action": self.intent.action.value, "vehicle": self.intent.vehicle, "base": self.intent.base}
         stage = "" if known is None else known.stage.value
@@ -61,18 +61,18 @@ class PendingIntent:
 
 
 Reasons = Iterator[Reason | Literal[False] | None]
-"""The reasons against an intent, the most important first; those that do not hold are false, or None."""
+"""The reasons against an intent, the most important first; those that do not apply are False or None."""
 
 
 def find_refusal(context: Context, state: FleetState, intent: Intent, now_s: float) -> Reason | None:
-    """Return why an intent is refused, as code and words; None if it is not."""
+    """Return the code and text of a refusal; None if the intent is accepted."""
     return next((reason for reason in _object(PendingIntent(context, state, intent, now_s)) if reason), None)
 
 
 def _object(pending: PendingIntent) -> Reasons:
     state, intent = pending.state, pending.intent
     yield state.progress.finished and operator.OVER
-    if intent.action in BEFORE:
+    if intent.action in BEFORE_FLIGHT:
         yield from _object_before_launch(pending)
         return
     yield state.progress.launched_s is None and operator.NOT_BEGUN
@@ -92,7 +92,7 @@ def _object_before_launch(pending: PendingIntent) -> Reasons:
 
 
 def build_confirmation_question(context: Context, state: FleetState, intent: Intent) -> str:
-    """Return what has to be confirmed before an intent is carried out that is not refused; empty if nothing has."""
+    """Return the question to confirm before an intent is carried out; empty if there is none."""
     vehicle = None if intent.vehicle is None else state.vehicles.get(intent.vehicle)
     if vehicle is None or intent.confirmed:
         return ""
@@ -170,14 +170,14 @@ def _object_to_landing(pending: PendingIntent) -> Reasons:
         yield operator.POSITION_UNKNOWN
         return
     line_m = _distance_to_line_m(context, fix.place_m)
-    yield line_m < LINE_M and pending.refuse(operator.NEAR_LINE, line_m=line_m)
+    yield line_m < LINE_DISTANCE_M and pending.refuse(operator.NEAR_LINE, line_m=line_m)
     for other in pending.state.vehicles:
-        near = other != vehicle.name and context.vehicles[other].pad_distance_m(fix.place_m) < PAD_M
+        near = other != vehicle.name and context.vehicles[other].pad_distance_m(fix.place_m) < PAD_DISTANCE_M
         yield near and pending.refuse(operator.OTHER_PAD, other=other)
 
 
 def _distance_to_line_m(context: Context, place_m: tuple[float, float]) -> float:
-    """Return the distance to the nearest segment, seen from above."""
+    """Return the horizontal distance to the nearest segment."""
     return float(place_distances_m(context.setup.network.ends_m, np.array([place_m])).min(initial=math.inf))
 
 
@@ -236,7 +236,7 @@ def _object_to_disarm(pending: PendingIntent) -> Reasons:
 
 
 def _object_to_any_replan(pending: PendingIntent) -> Reasons:
-    """Yield why no re-plan can begin now, whatever is open."""
+    """Yield the reasons why no re-plan can begin now, whatever segments are open."""
     yield pending.state.progress.recalled and operator.ABORTED
     yield (pending.state.replanning.replan is not None or pending.state.replanning.ordered) and operator.REPLANNING
     yield not survivors.build_survivors(pending.context, pending.state, pending.now_s) and operator.NO_SURVIVOR

@@ -1,1 +1,1 @@
-"""What cameras are known to have seen: pictures, and which stretches of the line they show."""
+"""The state of cameras: pictures, and the stretches of the line they show."""

@@ -1,4 +1,4 @@
-"""One vehicle's cameras as they are known: each picture with its place and look, and what each said of itself."""
+"""Hold the state of one vehicle's cameras: each picture with its position and direction, and each camera's reports."""
 
 from __future__ import annotations
 
@@ -11,70 +11,70 @@ from missions.cameras import PictureProof
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture that a camera, or an autopilot, said it took."""
+    """A picture that a camera or an autopilot reported."""
 
     camera: str
-    """By its name in the site file."""
+    """Camera name from the site file."""
     source: PictureProof
     sequence: int
     at_s: float
-    """When it was taken, in the ground station's time."""
+    """Time of exposure, in the ground station's time."""
     unix_s: float | None
-    """By the camera's own clock, where it says that."""
+    """By the camera's own clock, where reported."""
     lat_deg: float
     lon_deg: float
     alt_msl_m: float
     alt_rel_m: float
     """Over the vehicle's own home."""
     pitch_deg: float | None
-    """Of the camera from the horizon; None where nobody knows."""
+    """Camera pitch from the horizon; None if unknown."""
     yaw_deg: float | None
-    """Of the camera from north."""
+    """Camera yaw from north."""
     speed_m_s: float
     file: str
     segment: int | None
-    """Which span it shows; None where it was taken elsewhere."""
+    """The span it shows; None if taken elsewhere."""
     along_m: float | None
-    """Where along the span's flight track, from a."""
+    """Distance along the span's flight track, from a."""
     points: tuple[int, ...] = ()
-    """At a pylon: of which of its viewpoints it is."""
+    """At a pylon, the viewpoints it covers."""
     flaw: str = ""
-    """Why it does not count; nothing if it does."""
+    """Why it does not count; empty if it does."""
 
 
 @dataclass(frozen=True, slots=True)
 class WantedPicture:
-    """A picture that was passed over, and is asked for again."""
+    """A missing picture that is requested again."""
 
     sequence: int
     tries: int = 0
     at_s: float = float("-inf")
-    """When it was asked for last."""
+    """When it was last requested."""
 
 
 @dataclass(frozen=True, slots=True)
 class CameraRecord:
-    """What one camera said of itself."""
+    """The reports of one camera."""
 
     name: str
     component: int
     heard_s: float | None = None
-    """When it said anything last."""
+    """When it last reported."""
     picture_s: float | None = None
-    """When it took its last picture that succeeded."""
+    """When it took its last good picture."""
     last: int | None = None
-    """The highest number of a picture."""
+    """Highest picture number."""
     wanted: tuple[WantedPicture, ...] = ()
     failures: int = 0
-    """Pictures in a row that it says it could not take."""
+    """Consecutive pictures it reports as failed."""
     beside: int = 0
-    """Pictures in a row that its gimbal aimed beside what was asked."""
+    """Consecutive pictures with its gimbal off target."""
     left_behind: int = 0
-    """Viewpoints since it last said anything of a picture."""
+    """Viewpoints passed since it last reported a picture."""
     films: bool = False
     free_mib: float | None = None
     images: int | None = None
-    """How many it says it has taken."""
+    """Pictures taken, as counted by the camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,37 +86,34 @@ class PayloadState:
     gimbal: GimbalAttitude | None = None
     gimbal_s: float | None = None
     off_since_s: float | None = None
-    """Since when the gimbal does not point where the leg under way wants it."""
+    """Since when the gimbal does not point where the present leg requires."""
     working: tuple[int, float] | None = None
-    """The visit on which pictures are due now, and since when it moves along it."""
+    """The visit with pictures due now, and since when the vehicle moves along it."""
     broken: frozenset[str] = frozenset()
-    """Cameras that do not do their work any more, by their names."""
+    """Names of cameras that no longer work."""
 
     def camera_of(self, name: str, component: int) -> CameraRecord:
-        """Return what is known of a camera."""
+        """Return the record of a camera."""
         return next((one for one in self.cameras if one.name == name), CameraRecord(name, component))
 
     def with_camera(self, camera: CameraRecord) -> PayloadState:
-        """Return it with what is known of one camera replaced."""
+        """Return the payload with one camera's record replaced."""
         others = tuple(one for one in self.cameras if one.name != camera.name)
         return replace(self, cameras=(*others, camera))
 
 
-NO_PAYLOAD = PayloadState()
-
-
 @dataclass(frozen=True, slots=True)
 class AwaitedPictures:
-    """A span that was flown, and whose pictures are waited for."""
+    """A flown span that waits for its pictures."""
 
     vehicle: str
     since_s: float
     nearer_m: float | None = None
-    """The distance of one that counts already, from farther away."""
+    """For a span that counts from farther away already, the new distance."""
 
 
 def angle_between_deg(pitch_deg: float, yaw_deg: float, other_pitch_deg: float, other_yaw_deg: float) -> float:
-    """Return the angle between two looks, each by its pitch from the horizon and its bearing.
+    """Return the angle between two directions, each by its pitch from the horizon and its bearing.
 
     >>> round(angle_between_deg(0, 0, 0, 90)), round(angle_between_deg(-90, 0, -90, 180))
     (90, 0)

@@ -1,1 +1,1 @@
-"""What must be true before anything moves, and what is set on board for the flight."""
+"""Checks before the flight, and the parameters and fences set on board for it."""

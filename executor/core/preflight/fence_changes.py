@@ -1,4 +1,4 @@
-"""What a flight changes of fences and rally points on board, and what speaks against it."""
+"""Propose the changes of fences and rally points on board, and check those found there."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from missions import FlightPath, MissionKind
 from missions.fences import find_first_outside, parse_outlines
 
 OnboardLists = Mapping[MissionKind, Items | None]
-"""What one vehicle carries beside its mission; None of what it does not let be read."""
+"""The lists on board besides the mission; None for one that cannot be read."""
 WantedLists = Mapping[MissionKind, Items]
-"""What is put on board of that; what is not in it stays."""
+"""The lists to upload; one not included stays."""
 NEAR_M = 5.0
-"""A rally point this near to a pad is the pad."""
+"""Distance within which a rally point counts as a pad."""
 
 
 def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
-    """Return which parameters say how a vehicle keeps to its fence; nothing where it is given none."""
+    """Return the parameters of a vehicle's fence behaviour; none if it gets no fence."""
     if context.fencing is None or not context.fencing.enabled:
         return ()
     setup = context.vehicles[name]
@@ -47,11 +47,11 @@ def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
 
 
 def propose_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
-    """Return what a flight changes on board so that everybody comes home clear of the others and keeps to its fence.
+    """Propose the changes on board for returns clear of other vehicles, and fences that are kept.
 
     Args:
-        context: Of the flight.
-        answered: What came of asking each vehicle.
+        context: The flight.
+        answered: The parameters read from each vehicle.
     """
     proposal = propose_return_changes(context, answered)
     changes, checks = list(proposal.changes), list(proposal.checks)
@@ -63,9 +63,9 @@ def propose_changes(context: Context, answered: Mapping[str, Answers]) -> Parame
 
 
 def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptParameter]:
-    """Return which parameters are set so that a vehicle keeps to the fence that it is given.
+    """Return the parameters to set so that a vehicle keeps to its fence.
 
-    The limits of its owner stay where the flight fits into them.
+    The owner's limits stay where the flight fits them.
     """
     names = list_fence_parameters(context, name)
     if not names or any(one not in said for one in names):
@@ -76,7 +76,8 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
         wanted[kinds] = (float(stands | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
-    top = _round_up_fence_top(context, name, said)
+    steps = 10.0 if said[rule.height].kind == REAL32 else 1.0
+    top = math.ceil(steps * fence_top_m(context, name)) / steps
     limit = said[rule.height].value if stands & (rule.kinds[1] if rule.kinds is not None else 1) else 0.0
     if not 0.0 < limit <= top:
         wanted[rule.height] = (top, "m", checklist.FENCE_TOP)
@@ -95,7 +96,7 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
 
 
 def check_fence_settings(context: Context, name: str, said: Present, made: Sequence[KeptParameter]) -> list[Check]:
-    """Say how a vehicle will keep to its fence; what cannot be is a reason not to fly."""
+    """Check how a vehicle will keep to its fence; if it cannot, that is a reason not to fly."""
     names = list_fence_parameters(context, name)
     if not names:
         return []
@@ -117,14 +118,14 @@ def check_fence_settings(context: Context, name: str, said: Present, made: Seque
 def check_onboard_lists(
     context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
 ) -> list[Check]:
-    """Hold what others put on board against the flight.
+    """Check lists of others on board against the flight.
 
     Args:
-        context: Of the flight.
-        facts: What the vehicle said.
+        context: The flight.
+        facts: The vehicle's facts.
         path: Its first mission.
-        lists: What it carries.
-        ours: What an earlier attempt at this flight may have left: that is ours to replace.
+        lists: The lists on board.
+        ours: The lists of an earlier attempt at this flight, which we may replace.
     """
     if context.fencing is None:
         return []
@@ -173,9 +174,3 @@ def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLi
     if not far or given:
         return []
     return [checklist.RALLY_FAR.say(name, points=format_count(len(far), "rally point"), away_m=max(far))]
-
-
-def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
-    rule = context.vehicles[name].dialect.geofence
-    least = fence_top_m(context, name)
-    return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0

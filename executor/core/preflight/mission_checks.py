@@ -1,4 +1,4 @@
-"""What the checklist, and the report, say of the missions: their heights, distances to the line, and areas."""
+"""Check the missions for the checklist and the report: heights, distances to the line, areas."""
 
 from __future__ import annotations
 
@@ -11,27 +11,26 @@ from executor.core.interface.codes import Check, Severity
 from executor.core.lines import checklist
 from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.inspection_height import build_airway, check_inspection_airspace, segment_distances_m
-from missions.terrain import Terrain
 
 RAISED_M = 0.5
-"""Pylons that are passed higher than asked by less are not worth a word."""
-SHOWN = 3
-"""Findings of one kind; more of them say the same."""
-NAMED = 12
-"""Segments that a line names; of more it says how many, and `--json` names all."""
+"""Smallest height above the planned one at a pylon that is reported."""
+SHOWN_FINDINGS = 3
+"""Findings of one kind that are listed; more of them say the same."""
+NAMED_SEGMENTS = 12
+"""Segments named in a line; of more it gives the number, and `--json` names all."""
 OFF_PAD_M = 20.0
-"""A vehicle that stands farther from the pad that the site states for it stands somewhere else."""
+"""Distance from the stated pad beyond which a vehicle stands somewhere else."""
 
 
 def check_flight_heights(
     setup: missions.FlightSetup, paths: Sequence[missions.FlightPath], worth_a_look: Sequence[str] = ()
 ) -> list[Check]:
-    """Return what the checklist says of the heights: by which they are flown, and every reason not to fly.
+    """Return the checks of the heights: the reference they are flown by, and every reason not to fly.
 
     Args:
         setup: Heights and pads.
         paths: The missions.
-        worth_a_look: What was found about the network's heights when it was read.
+        worth_a_look: Findings about the network's heights from reading it.
     """
     return [
         checklist.HEIGHTS.say("heights", heights=describe_heights(setup, paths)),
@@ -42,14 +41,18 @@ def check_flight_heights(
 
 
 def find_low_places(setup: missions.FlightSetup, paths: Sequence[missions.FlightPath]) -> list[str]:
-    """Return in words where a flight, or one of a later plan, comes too near to the ground or to a line."""
+    """Return in words where a mission, or one of a later plan, comes too close to the ground or a line."""
     everywhere = missions.check_network_clearance(setup)
-    more = [checklist.MORE_PLACES.format(count=len(everywhere) - SHOWN)] if len(everywhere) > SHOWN else []
-    return [*missions.check_clearance(setup, paths), *everywhere[:SHOWN], *more]
+    more = (
+        [checklist.MORE_PLACES.format(count=len(everywhere) - SHOWN_FINDINGS)]
+        if len(everywhere) > SHOWN_FINDINGS
+        else []
+    )
+    return [*missions.check_clearance(setup, paths), *everywhere[:SHOWN_FINDINGS], *more]
 
 
 def describe_heights(setup: missions.FlightSetup, paths: Sequence[missions.FlightPath]) -> str:
-    """Return by which heights is flown: "over the pylon tops, by 14.6 m or more; 41 to 82 m over the ground"."""
+    """Return the flight heights: "over the pylon tops, by 14.6 m or more; 41 to 82 m over the ground"."""
     text = f"over {setup.layers.reference.value}"
     if setup.network.flat:
         text += ", taken to be flat" if not setup.network.has_heights else ", on ground that is taken to be flat"
@@ -79,7 +82,7 @@ def build_heights_document(setup: missions.FlightSetup, paths: Sequence[missions
     """Return the same as plain data, in metres."""
     heights = missions.find_height_extremes(setup, paths)
     least_m = missions.min_height_over_tops_m(setup, paths)
-    return {
+    document: dict[str, object] = {
         "over": setup.layers.reference.value,
         "flat": setup.network.flat,
         "least_over_tops_m": None if least_m is None else round(least_m, 1),
@@ -87,35 +90,33 @@ def build_heights_document(setup: missions.FlightSetup, paths: Sequence[missions
         "most_over_ground_m": None if heights is None else round(heights[1].height_m, 1),
         "return_over_ground_m": round(missions.find_max_return_height(setup).height_m, 1),
         "ceiling_m": setup.inspection.ceiling_m,
-        **({} if setup.terrain is None else {"terrain": _build_terrain_document(setup, setup.terrain)}),
     }
-
-
-def _build_terrain_document(setup: missions.FlightSetup, terrain: Terrain) -> dict[str, object]:
-    known = terrain.elevation
-    return {
-        "source": known.source,
-        "digest": known.digest,
-        "vertical": known.vertical,
-        "uncertainty_m": known.uncertainty_m,
-        "margin_m": terrain.margin_m,
-        "most_raised_m": round(float(setup.layers.raised_m.max(initial=0.0)), 1),
-    }
+    if setup.terrain is not None:
+        known = setup.terrain.elevation
+        document["terrain"] = {
+            "source": known.source,
+            "digest": known.digest,
+            "vertical": known.vertical,
+            "uncertainty_m": known.uncertainty_m,
+            "margin_m": setup.terrain.margin_m,
+            "most_raised_m": round(float(setup.layers.raised_m.max(initial=0.0)), 1),
+        }
+    return document
 
 
 def describe_inspection_distances(asked_m: float, inspected: Iterable[tuple[str, str, float]]) -> str:
-    """Return who inspects what at another distance than asked.
+    """Return which segments are inspected at another distance than planned, and by which vehicles.
 
     Args:
-        asked_m: The distance that was asked for.
-        inspected: Of each segment its name, by whom it is inspected and at what distance.
+        asked_m: The inspection distance of the site.
+        inspected: Each segment's name, its vehicle, and its distance.
     """
     rows = list(inspected)
     high = sorted((row for row in rows if row[2] > asked_m), key=lambda row: (row[2], row[1]))
     text = f"{len(rows) - len(high)} of {len(rows)} segments are inspected at the asked {asked_m:g} m"
     if not high:
         return text
-    named = join_first_names([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED)
+    named = join_first_names([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED_SEGMENTS)
     unless = "unless the others have left by then (flown again afterwards, as budgets allow)"
     return f"{text}; from their own layers, {unless}: {named}"
 
@@ -123,14 +124,14 @@ def describe_inspection_distances(asked_m: float, inspected: Iterable[tuple[str,
 def check_inspection_distances(
     setup: missions.FlightSetup, paths: Sequence[missions.FlightPath], visits: Mapping[str, Sequence[int]]
 ) -> list[Check]:
-    """Return at which distance is inspected, and who comes too near to the air in which another goes to the line.
+    """Return the inspection distances, and vehicles too close to the airspace of another one's descent to the line.
 
-    Nothing where everybody inspects in its layer anyway.
+    Empty if all vehicles inspect in their layers.
 
     Args:
         setup: Heights and pads.
         paths: The missions.
-        visits: Of each of them, by the vehicle's name.
+        visits: The visits of each mission, by the vehicle's name.
     """
     if not setup.inspection.same_distance:
         return []
@@ -153,13 +154,13 @@ def check_missions_and_areas(
     routes: Mapping[str, Sequence[int]],
     stated_m: Mapping[str, tuple[float, float]],
 ) -> list[Check]:
-    """Return what the checklist says of areas and named places; nothing of a site without any.
+    """Return the checks of areas and stated pads; empty for a site without any.
 
     Args:
-        setup: Areas, heights, and pads as the vehicles really stand.
+        setup: Areas, heights, and the pads as measured.
         paths: The missions.
         routes: Each vehicle's visits, by its name.
-        stated_m: East and north of the pads that the site states, by the vehicle's name.
+        stated_m: East and north of the pads stated in the site, by the vehicle's name.
     """
     found = []
     for name, place_m in stated_m.items():

@@ -1,4 +1,4 @@
-"""What a vehicle does by itself, read from its parameters and said in words."""
+"""Read a vehicle's failsafes from its parameters, and describe them in words."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from executor.core.interface.messages import Version
 from missions import BatteryLevel, Dialect, ThresholdUnit, Words, find_name_on_board
 
 Parameters = Mapping[str, float]
-"""What a vehicle answered, by name; a parameter that it does not have is missing."""
+"""The parameters of a vehicle, by name; one that it does not have is missing."""
 UNKNOWN = "unknown action"
+LINK_MARGIN_S = 3.0
+"""Margin after the vehicle's own failsafe has acted."""
+LEAST_LINK_TIMEOUT_S = 10.0
 
 
 def list_preflight_parameters(dialect: Dialect) -> tuple[str, ...]:
-    """Return every parameter that the checks before the flight read."""
+    """Return all parameters that the checks before the flight read."""
     return select_names(
         *link_names(dialect), dialect.ground_station_failsafe.station_sysid, *battery_names(dialect),
         *fence_names(dialect), *(tuning.parameter for tuning in dialect.tunings), *dialect.pack_parameters,
@@ -22,60 +25,60 @@ def list_preflight_parameters(dialect: Dialect) -> tuple[str, ...]:
 
 
 def select_names(*names: str | None) -> tuple[str, ...]:
-    """Return names of parameters without those that a dialect does not have, each once."""
+    """Return parameter names without those a dialect does not have, each once."""
     return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
 def link_names(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that say what a vehicle does in silence."""
+    """Return the parameters of the GCS failsafe."""
     rule = dialect.ground_station_failsafe
     return select_names(rule.action, rule.timeout, rule.pause, rule.exception[0])
 
 
 def battery_names(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that say what a vehicle does on a low battery."""
+    """Return the parameters of the battery failsafe."""
     failsafe = dialect.battery_failsafe
     levels = (name for level in failsafe.levels for name in (level.action, level.threshold, level.voltage))
     return select_names(failsafe.capacity, *(early.action for early in failsafe.early), *levels)
 
 
 def fence_names(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that describe a vehicle's geofence."""
+    """Return the parameters of the geofence."""
     rule = dialect.geofence
     kinds = () if rule.kinds is None else rule.kinds[:1]
     return select_names(*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)
 
 
 def describe_action(actions: Words, value: float) -> str:
-    """Return what a value of an action means; a firmware may know more of them than this table."""
+    """Return the meaning of a value; a firmware may have more of them than the table."""
     return dict(actions).get(int(value), UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True)
 class LinkFailsafe:
-    """What a vehicle does when it does not hear the ground station."""
+    """A vehicle's GCS failsafe."""
 
     acts: bool | None
-    """Whether it does anything; None if nobody knows."""
+    """Whether it acts; None if unknown."""
     after_s: float
-    """Silence, in its own time, until it has begun to: by its autopilot's defaults for a parameter that it does not
-    have, by the longest that is allowed for one that was not read."""
+    """Silence, in the vehicle's time, until it has begun to act: by the autopilot's default for a missing parameter, by
+    its largest value for an unread one."""
     words: str
     returns: bool = False
-    """Whether that is a straight return, up to its height first."""
+    """Whether it returns at once, climbing first."""
     holds_s: float = 0.0
-    """How long it holds before this and its other failsafes act, by the same."""
+    """Hold before this and its other failsafes act, likewise."""
     unread: bool = False
-    """Whether a parameter of it was not read."""
+    """Whether one of its parameters was not read."""
 
 
 def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collection[str] = ()) -> LinkFailsafe:
-    """Return what a vehicle does by itself in silence.
+    """Return a vehicle's action in silence.
 
     Args:
         dialect: The vehicle's autopilot.
-        parameters: What it answered.
-        unread: What it may have, and did not answer.
+        parameters: The parameters read.
+        unread: Parameters it may have, but did not answer.
     """
     rule = dialect.ground_station_failsafe
     slack_s = rule.reacts_after_s - rule.timeout_s
@@ -111,32 +114,57 @@ def describe_unread_parameters(names: Collection[str]) -> str:
 
 
 def find_watched_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
-    """Return the parameter that says whose heartbeats count, and its value; None if anybody's do or nobody knows."""
+    """Return the parameter that names the GCS whose HEARTBEATs count, and its value; None if any counts, or unknown."""
     first = dialect.ground_station_failsafe.station_sysid
     name = None if first is None else find_name_on_board(dialect, first, parameters)
     return None if name is None or name not in parameters else (name, int(parameters[name]))
 
 
+def effective_link_timeout_s(
+    dialect: Dialect, wanted_s: float | None, stall_s: float, own: LinkFailsafe | None = None
+) -> float:
+    """Return the silence after which a vehicle is declared lost.
+
+    It is the site's value, or by default the time in which the vehicle's own failsafe must have acted. A shorter value
+    than the vehicle's own is rejected: its segments would be reassigned while it still flies them.
+
+    Args:
+        dialect: The vehicle's autopilot.
+        wanted_s: The site's value, if any.
+        stall_s: The shortest silence distinguishable from a busy computer, in the vehicles' time.
+        own: The vehicle's own failsafe, once read.
+    """
+    rule = dialect.ground_station_failsafe
+    # Unknown counts as the worst case: it acts, and as late as possible.
+    acts_s = None if own is None or own.acts is False else own.after_s
+    if wanted_s is not None and wanted_s >= (acts_s or 0.0):
+        return wanted_s
+    if acts_s is None or wanted_s is None:
+        least_s = stall_s + rule.returns_after_s - rule.reacts_after_s
+        acts_s = max(rule.returns_after_s if acts_s is None else acts_s, least_s)
+    return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
+
+
 @dataclass(frozen=True, slots=True)
 class BatteryAction:
-    """What a vehicle does below one threshold."""
+    """A vehicle's action below one threshold."""
 
     below_pct: float | None
-    """Of a full battery; None where only a voltage sets it off."""
+    """In percent of a full battery; None if only a voltage triggers it."""
     words: str
     known: bool = True
-    """Whether this program knows what the value of its parameter means."""
+    """Whether the parameter's value is known to this program."""
 
 
 def list_battery_actions(
     dialect: Dialect, parameters: Parameters, version: Version | None = None
 ) -> list[BatteryAction]:
-    """Return what a vehicle does by itself on a low battery, level by level; empty if it does nothing.
+    """Return a vehicle's actions on a low battery, level by level; empty if none.
 
     Args:
         dialect: The vehicle's autopilot.
-        parameters: What it answered.
-        version: Of its firmware; None if that is not known.
+        parameters: The parameters read.
+        version: Its firmware version; None if unknown.
     """
     failsafe = dialect.battery_failsafe
     capacity_mah = parameters.get(failsafe.capacity, 0.0) if failsafe.capacity is not None else 0.0
@@ -164,16 +192,16 @@ def _read_battery_action(
     if volts > 0:
         limits.append(f"{volts:g} V")
     if not limits:
-        return None  # an action without a threshold is never taken
+        return None  # an action without a threshold never occurs
     does, since = describe_action(level.actions, action), level.since.get(int(action))
     if since is not None and (version is None or (version.major, version.minor) < since):
-        does = UNKNOWN  # it may be a firmware to which this value says nothing
+        does = UNKNOWN  # possibly a firmware in which this value has no meaning
     words = f"{does} below {' or '.join(limits)} ({level.action}={action:g})"
     return BatteryAction(below_pct, words, known=does != UNKNOWN)
 
 
 def list_early_returns(dialect: Dialect, parameters: Parameters) -> list[str]:
-    """Return in words what may end a mission before any level of the battery is reached; empty if nothing does."""
+    """Return in words what may end a mission before any battery level is reached; empty if nothing."""
     found = []
     for rule in dialect.battery_failsafe.early:
         value = parameters.get(rule.action)
@@ -181,13 +209,13 @@ def list_early_returns(dialect: Dialect, parameters: Parameters) -> list[str]:
             continue
         does, setting = describe_action(rule.actions, value), f"{rule.action}={value:g}"
         if rule.without is not None and does == UNKNOWN:
-            continue  # the level's own line says so
+            continue  # the level's own line covers it
         found.append(f"{does} as soon as its time left in the air is only just enough to come home ({setting})")
     return found
 
 
 def read_fence_kinds(dialect: Dialect, parameters: Parameters) -> int:
-    """Return which limits a vehicle keeps to, as bits of its parameter for that; all of one without it, 0 if off."""
+    """Return a vehicle's active fence limits, as bits of their parameter; all bits without one, 0 if off."""
     fence = dialect.geofence
     if not any(parameters.get(name, 0.0) for name in fence.enabled_by):
         return 0
@@ -195,7 +223,7 @@ def read_fence_kinds(dialect: Dialect, parameters: Parameters) -> int:
 
 
 def read_geofence(dialect: Dialect, parameters: Parameters) -> tuple[float | None, float | None]:
-    """Return height over home and radius about it of the cylinder that a vehicle keeps to; None of no limit."""
+    """Return the height and radius around home of a vehicle's cylinder fence; None for no limit."""
     fence, kinds = dialect.geofence, read_fence_kinds(dialect, parameters)
     _, height_bit, radius_bit = fence.kinds or ("", 1, 1)
     height_m = parameters.get(fence.height, 0.0) if kinds & height_bit else 0.0

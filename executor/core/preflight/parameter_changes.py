@@ -1,4 +1,4 @@
-"""What a flight changes on board and is to give back: the record, and the parameters that it proposes to set."""
+"""Record the changes a flight makes on board until they are restored, and propose the parameters to set."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
@@ -30,58 +30,50 @@ from missions.fences import find_list_differences
 
 Value = TypeVar("Value")
 Present = Mapping[str, ParamValue]
-"""What one vehicle answered, by name; a parameter that it does not have is missing."""
+"""The parameters of one vehicle, by name; one that it does not have is missing."""
 
 REAL32 = 9
 """MAV_PARAM_TYPE of a float; 1 to 8 are integers."""
 HIGHER_M = 0.5
-"""A return this much above its layer is in its layer: half of what autopilots hold their height to."""
+"""Height above its layer within which an RTL counts as in it: half the autopilots' height accuracy."""
 KEPT_HIGHER_M = 50.0
-"""The highest of a fleet may return this much higher than it must: a crew knows why, nobody else is up there, and the
-longer way up and down takes a minute and some 4 % of a battery."""
+"""Height above the required one that the highest vehicle's RTL may keep: its crew chose it, no vehicle is above, and
+the longer climb and descent cost a minute and some 4 % of a battery."""
 
 
 class ChangeStage(Enum):
-    """How far a change has come."""
+    """The stage of a change."""
 
     PLANNED = "planned"
-    """It may be on board: this is written before it is sent."""
+    """It may be on board: recorded before it is sent."""
     SET = "set"
-    """It was read back."""
+    """It was verified by read-back."""
     RESTORED = "restored"
-    """What was there before was read back."""
+    """The old value was verified by read-back."""
     LEFT = "left"
-    """Something else was found on board, which somebody put there since: it was left as it is."""
-
-
-class ValueOrigin(Enum):
-    """What is found on board means."""
-
-    OLD = "old"
-    OURS = "ours"
-    OTHER = "other"
+    """Another value was found on board, set by others since: left unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoardChange(ABC, Generic[Value]):
-    """What is on record of one change, so that it can be given back whatever happens to the ground station."""
+    """The record of one change, so that it can be restored whatever happens to the ground station."""
 
     vehicle: str
     sysid: int
     autopilot: str
     name: str
-    """Of the parameter, or 'fence' or 'rally'."""
+    """Name of the parameter, or 'fence' or 'rally'."""
     old: Value
-    """What was there before anybody here changed anything."""
+    """The value before our first change."""
     new: Value
-    """What was put there last."""
+    """The value we last set."""
     stage: ChangeStage = field(default=ChangeStage.PLANNED, kw_only=True)
     earlier: tuple[Value, ...] = field(default=(), kw_only=True)
-    """What was put there from here before, and may still be on board."""
+    """Values that we set before, and that may still be on board."""
 
     @property
     def is_open(self) -> bool:
-        """Whether it has still to be given back."""
+        """Whether it has yet to be restored."""
         return self.stage is not ChangeStage.RESTORED
 
     @property
@@ -92,22 +84,22 @@ class BoardChange(ABC, Generic[Value]):
     @staticmethod
     @abstractmethod
     def is_same(one: Value, found: Value) -> bool:
-        """Return whether what was found on board is this one, but for what is lost on its way."""
+        """Return whether a value found on board is this one, within transmission precision."""
 
     def is_ours(self, found: Value) -> bool:
-        """Return whether what is on board was put there from here."""
+        """Return whether the value on board was set by us."""
         return any(self.is_same(one, found) for one in (self.new, *self.earlier))
 
-    def classify(self, found: Value) -> ValueOrigin:
-        """Return what it means that this is on board: it is only ours to take back where we put it there."""
+    def classify(self, found: Value) -> Literal["old", "ours", "other"]:
+        """Return whose value is on board: only our own is ours to restore."""
         if self.is_same(self.old, found):
-            return ValueOrigin.OLD
-        return ValueOrigin.OURS if self.is_ours(found) else ValueOrigin.OTHER
+            return "old"
+        return "ours" if self.is_ours(found) else "other"
 
 
 @dataclass(frozen=True, slots=True)
 class KeptParameter(BoardChange[float]):
-    """What is on record of one parameter."""
+    """The record of one parameter."""
 
     kind: int
     """MAV_PARAM_TYPE."""
@@ -116,7 +108,7 @@ class KeptParameter(BoardChange[float]):
 
     @property
     def words_set(self) -> str:
-        """Old, new and why, for the crew to confirm before it is set."""
+        """Old and new value and the reason, for the crew to confirm."""
         return f"{self.name} {format_change(self.old, self.new, self.unit)}: {self.why}"
 
     @property
@@ -126,40 +118,40 @@ class KeptParameter(BoardChange[float]):
 
     @property
     def words_back(self) -> str:
-        """What the vehicle has again once it is given back."""
+        """The restored value."""
         return f"{self.name} {format_number(self.old)}"
 
     @property
     def words_open(self) -> str:
-        """What the vehicle has not got back."""
+        """The value not restored."""
         return f"{self.name} (was {format_number(self.old)})"
 
     def describe_other(self, found: float) -> str:
-        """Return in words that somebody put this there since."""
+        """Return in words that another value was set since."""
         return f"{self.name} is {format_number(found)}, which somebody set since: left as it is"
 
     def describe_stay(self, found: float | None) -> str:
-        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
+        """Return in words the value that was not restored; None if unreadable."""
         return f"{self.name} does not answer" if found is None else f"{self.name} stays {format_number(found)}"
 
     @staticmethod
     def is_same(one: float, found: float) -> bool:
-        """Return whether what was found on board is this one, but for what is lost on its way."""
+        """Return whether a value found on board is this one, within transmission precision."""
         return math.isclose(one, found, rel_tol=1e-5, abs_tol=1e-6)
 
 
 Items = tuple[MissionItem, ...]
 LIST_WORDS = {MissionKind.FENCE: "fence", MissionKind.RALLY: "rally points"}
-"""What that is."""
+"""Names of the lists."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeptList(BoardChange[Items]):
-    """What is on record of one vehicle's fence, or of its rally points."""
+    """The record of a vehicle's fence or rally points."""
 
     @property
     def kind(self) -> MissionKind:
-        """Which list."""
+        """The kind of list."""
         return MissionKind[self.name.upper()]
 
     @property
@@ -170,22 +162,22 @@ class KeptList(BoardChange[Items]):
 
     @property
     def words_open(self) -> str:
-        """What the vehicle has not got back, or has again."""
+        """The list restored, or not restored."""
         return LIST_WORDS[self.kind]
 
     words_back = words_open
 
     def describe_other(self, found: Items) -> str:  # noqa: ARG002 - whatever it is
-        """Return in words that somebody put this there since."""
+        """Return in words that the list was changed since."""
         return f"somebody has changed the {self.words_open} since: left as found"
 
     def describe_stay(self, found: Items | None) -> str:
-        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
+        """Return in words that the list was not restored; None if unreadable."""
         return f"{self.words_open} cannot be read" if found is None else f"{self.words_open}: still the flight's"
 
     @staticmethod
     def is_same(one: Items, found: Items) -> bool:
-        """Return whether what was found on board is this one, but for what is lost on its way."""
+        """Return whether a list found on board is this one, within transmission precision."""
         return not find_list_differences(one, found)
 
 
@@ -194,26 +186,26 @@ Change = TypeVar("Change", bound=KeptParameter | KeptList)
 
 
 def plan_change(setup: VehicleSetup, found: ParamValue, new: float, unit: str, why: str) -> KeptParameter:
-    """Return a parameter that is to be set on a vehicle for the flight, from what is on board."""
+    """Return the change of a parameter for the flight, from its value on board."""
     return KeptParameter(
         setup.name, setup.sysid, setup.dialect.name, found.name, found.value, new, found.kind, unit, why
     )
 
 
 def build_board_record(planned: Iterable[Recorded], before: Sequence[Recorded]) -> list[Recorded]:
-    """Return the whole record before a flight changes anything.
+    """Return the complete record before a flight changes anything.
 
-    What an earlier attempt at the same flight found is the oldest value, and given back, unless somebody put something
-    else there since.
+    The value found by an earlier attempt at the same flight is the oldest, and is the one restored, unless others have
+    set another since.
 
     Args:
-        planned: What it is going to change, from what is on board now.
-        before: The record of earlier attempts; what is not changed again stays on it.
+        planned: The changes planned, from the values on board now.
+        before: The record of earlier attempts; entries without a new change stay.
     """
     record = {one.key: one for one in before}
     for change in planned:
         known = record.get(change.key)
-        if known is not None and known.is_open and known.classify(change.old) is not ValueOrigin.OTHER:
+        if known is not None and known.is_open and known.classify(change.old) != "other":
             earlier = dict.fromkeys((*known.earlier, known.new))
             change = replace(change, old=known.old, earlier=tuple(one for one in earlier if one != change.new))
         record[change.key] = change
@@ -221,7 +213,7 @@ def build_board_record(planned: Iterable[Recorded], before: Sequence[Recorded]) 
 
 
 def format_number(value: float) -> str:
-    """Return a value as people write it.
+    """Return a value in its usual notation.
 
     >>> format_number(1500.0), format_number(27.299999237060547), format_number(0.0)
     ('1500', '27.3', '0')
@@ -230,28 +222,28 @@ def format_number(value: float) -> str:
 
 
 def format_change(before: float, after: float, unit: str) -> str:
-    """Return how a value changes, as people write it."""
+    """Return a change of a value in its usual notation."""
     return f"{format_number(before)} -> {format_number(after)}{f' {unit}' if unit else ''}"
 
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What came of asking one vehicle for parameters: what is in neither of these is not there."""
+    """The parameters read from a vehicle; one in neither field does not exist."""
 
     present: Present
     unread: frozenset[str] = frozenset()
-    """Of these nobody knows: the link was silent, or what came was no value."""
+    """Unknown ones: no answer, or no valid value."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterProposal:
-    """What a flight would change on board, and what that is held against."""
+    """The changes a flight would make on board, and the values they are based on."""
 
     present: Mapping[str, Present]
-    """What each vehicle has now, as far as it matters to its RTL; without those of which that is not known."""
+    """The present RTL parameters of each vehicle; without vehicles where they are unknown."""
     changes: tuple[KeptParameter, ...]
     checks: tuple[Check, ...]
-    """The same for the checklist, with what is right already and what is not known."""
+    """The changes as checklist lines, with values that are right already or unknown."""
 
     def changes_of(self, vehicle: str) -> tuple[KeptParameter, ...]:
         """Return the changes of one vehicle."""
@@ -259,16 +251,16 @@ class ParameterProposal:
 
 
 UNASKED = "unasked streams"
-"""On record like a parameter: how many streams a vehicle sends that nobody asked for."""
+"""Name in the record for the number of unrequested streams a vehicle sends."""
 
 
 def propose_stream_changes(context: Context, proposal: ParameterProposal, radios: Collection[str]) -> ParameterProposal:
-    """Return what a flight changes with the streams that it switches off, where a radio has no room for them.
+    """Add the switched-off unrequested streams, where a radio has no room for them.
 
     Args:
-        context: Of the flight.
-        proposal: What is changed besides.
-        radios: The vehicles whose radio has reported itself.
+        context: The flight.
+        proposal: The other changes.
+        radios: Vehicles whose radio has reported itself.
     """
     own = [
         KeptParameter(name, setup.sysid, setup.dialect.name, UNASKED, len(off), 0.0, REAL32, "", checklist.NO_ROOM)
@@ -279,21 +271,20 @@ def propose_stream_changes(context: Context, proposal: ParameterProposal, radios
 
 
 def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that a vehicle is asked for before a change of its return."""
+    """Return the parameters read before a change of the RTL."""
     rule = dialect.return_parameters
     return select_names(rule.height, rule.cone, rule.descend_height, rule.descend_wait)
 
 
 def propose_return_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
-    """Return what must be set so that every vehicle comes home by itself clear of the others.
+    """Propose the changes that give every vehicle an RTL clear of the others.
 
-    What is right already stays, and so does a higher return of the one vehicle above which there is nobody, as high as
-    the site's ceiling over the ground allows. A vehicle lower down may not return higher than its layer: it would climb
-    through the layers of others.
+    Right values stay, and so does a higher RTL of the topmost vehicle, up to the site's ceiling over the ground. A
+    lower vehicle's RTL must not be above its layer: it would climb through the layers of others.
 
     Args:
-        context: Of the flight.
-        answered: What came of asking each vehicle.
+        context: The flight.
+        answered: The parameters read from each vehicle.
     """
     changes: list[KeptParameter] = []
     checks: list[Check] = []
@@ -317,9 +308,9 @@ def propose_return_changes(context: Context, answered: Mapping[str, Answers]) ->
 
 
 def add_other_homes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
-    """Return what a flight changes with what it changes later for other pads, whose ground is higher or lower.
+    """Add the changes needed later for other pads, whose ground is higher or lower.
 
-    It is on record from the beginning, so that it is given back from whichever pad is the last.
+    They are recorded from the start, so that they are restored from whichever pad is the last.
     """
     changes, setup = {one.key: one for one in proposal.changes}, context.setup
     for name, said in proposal.present.items():
@@ -336,7 +327,7 @@ def add_other_homes(context: Context, proposal: ParameterProposal) -> ParameterP
 
 
 def list_change_checks(changes: Sequence[KeptParameter]) -> list[Check]:
-    """Return the lines of the checklist that name changes."""
+    """Return the checklist lines of changes."""
     return [checklist.TO_BE_SET.say(one.vehicle, change=one.words_set) for one in changes]
 
 
@@ -365,13 +356,13 @@ def _propose_for_vehicle(
 
 
 def check_return_height(context: Context, vehicle: str, proposal: ParameterProposal, ends: Mapping[str, str]) -> Check:
-    """Say at which height a vehicle comes home by itself once its parameters are set.
+    """Check a vehicle's RTL height after its parameters are set.
 
     Args:
-        context: Of the flight.
-        vehicle: Which one.
-        proposal: What was to be set.
-        ends: By name, why a parameter is not as wanted; empty where it is.
+        context: The flight.
+        vehicle: The vehicle's name.
+        proposal: The changes that were to be set.
+        ends: By parameter, why it is not as wanted; empty if it is.
     """
     said, wanted_m = proposal.present[vehicle], context.return_height_m(vehicle)
     name, unit_m = find_height_parameter(context.vehicles[vehicle].dialect, said)
@@ -383,7 +374,7 @@ def check_return_height(context: Context, vehicle: str, proposal: ParameterPropo
 
 
 def find_height_parameter(dialect: Dialect, said: Present) -> tuple[str, float]:
-    """Return the parameter that holds the height of a vehicle's RTL, and its unit in metres."""
+    """Return the parameter of a vehicle's RTL height, and its unit in metres."""
     rule = dialect.return_parameters
     name = find_name_on_board(dialect, rule.height, said)
     return name, rule.unit_m if name == rule.height else rule.unit_m / dialect.other_names[rule.height].unit
@@ -399,13 +390,13 @@ def _explain_return_height(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
         return checklist.ABOVE_LINE
-    if float(heights.max() - heights.min()) > 1.0:  # as `missions.layers_and_rtl_heights` tells flat from uneven
+    if float(heights.max() - heights.min()) > 1.0:  # the limit for flat ground in `missions.layers_and_rtl_heights`
         return checklist.ABOVE_LAYERS
     return checklist.IN_ITS_LAYER
 
 
 def _propose_other_changes(setup: VehicleSetup, said: Present, height_m: float) -> list[KeptParameter]:
-    """Return what else keeps a vehicle from returning at that height."""
+    """Return other changes needed for a return at that height."""
     rule, changes = setup.dialect.return_parameters, []
     cone = said.get(rule.cone)
     if cone is not None and cone.value >= rule.cone_least:

@@ -1,15 +1,15 @@
-"""What must be true before anything moves: checks of what vehicles and their packs say, and why one does not arm."""
+"""Check vehicles and their packs before the flight, and explain why one does not arm."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from executor.core.battery import pack_condition, voltage
-from executor.core.battery.pack_condition import RECENT, PackCondition
+from executor.core.battery.pack_condition import RECENT_FLIGHTS, PackCondition
 from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
@@ -20,7 +20,7 @@ from executor.core.interface.ports import LinkView
 from executor.core.lines import checklist
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
-from executor.core.radio_budget import UNMEASURED, LinkMeasures
+from executor.core.radio_budget import LinkMeasures
 from executor.core.telemetry import vehicle_identity
 from executor.core.telemetry.vehicle_identity import describe_foreign_system
 from missions import (
@@ -36,39 +36,39 @@ from missions import (
 )
 
 RECORD_BYTES_S = 2500.0
-"""Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
+"""Bytes per second of a vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
 SPARE_ROOM = 4.0
-"""A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
+"""Factor on the disk space: a flight with a re-plan is longer, and pictures and a copy need room too."""
 PAD_OFF_M = 15.0
-"""What a GPS may be off in height."""
+"""Height error of a GPS."""
 PAD_SLOPE = 0.3
-"""By how much the ground may rise from the depot to a pad, in metres a metre."""
+"""Steepest slope of the ground from the depot to a pad, in metres per metre."""
 FARTHEST_PAD_M = 200.0
-"""A vehicle that stands farther from the depot than this is not the one that the site file means."""
+"""Distance from the depot beyond which a vehicle is not the one in the site file."""
 SILENT_LINK_S = 3.0
 GPS_M = 5.0
-"""What a good GPS is off in height beside the raster."""
+"""Height error of a good GPS, beside the raster's."""
 PREARM_SENSORS = {
     0x1: "gyroscope", 0x2: "accelerometer", 0x4: "compass", 0x8: "barometer", 0x20: "GPS", 0x10000: "remote control",
     0x100000: "geofence", 0x200000: "attitude estimate", 0x1000000: "logging", 0x2000000: "battery",
     0x40000000: "motors",
 }  # fmt: skip
-"""MAV_SYS_STATUS_SENSOR, as far as a multicopter's crew can do something about it."""
+"""MAV_SYS_STATUS_SENSOR bits that a multicopter's crew can act on."""
 PREARM_PREFIXES = ("PreArm:", "Arm:", "Preflight Fail:", "Arming denied:", "Arming denied!")
-"""What the autopilots put before a reason."""
+"""Prefixes of the autopilots before a reason."""
 PREARM_VALID_S = 35.0
-"""ArduPilot repeats the reasons every 30 s: an older one is settled."""
+"""Age at which a reason is settled; ArduPilot repeats them every 30 s."""
 PREARM_SHOWN = 3
-"""More reasons than this are counted only."""
+"""Reasons shown; more are counted."""
 USUAL_OTHER = 254
-"""No station has this number unless somebody gave it to it."""
+"""A system id that no station has by default."""
 LIKE = 1.1
-"""Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
+"""Ratio below which two capacities are equal: the label on a pack, and a parameter."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleFacts:
-    """What one vehicle said before the flight."""
+    """The reports of one vehicle before the flight."""
 
     name: str
     heartbeat: messages.Heartbeat
@@ -76,27 +76,27 @@ class VehicleFacts:
     remaining_pct: float
     version: messages.Version | None
     parameters: Parameters
-    """Those that were answered."""
+    """The parameters read."""
     stations: tuple[messages.StationHeard, ...] = ()
-    """Other ground stations whose heartbeats came over its link."""
+    """Other ground stations whose HEARTBEATs arrived over its link."""
     doubles: tuple[messages.DoubleHeard, ...] = ()
-    """Other vehicles with its number."""
+    """Other vehicles with its system id."""
     voltage_v: float | None = None
-    """Of its pack at rest."""
+    """Voltage of its pack at rest."""
     cells: int | None = None
-    """How many cells it tells apart."""
+    """Number of cells it reports."""
     gps: messages.Gps | None = None
-    """What its position is by; None where it did not say."""
+    """Its GPS report; None without one."""
     unread: frozenset[str] = frozenset()
-    """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
-    link: LinkMeasures = UNMEASURED
+    """Parameters that are unknown; one in neither field does not exist."""
+    link: LinkMeasures = field(default_factory=LinkMeasures)
     acts: tuple[messages.StationActed, ...] = ()
-    """What stations behind `[forward]` did, or may not do."""
+    """Actions of stations behind `[forward]`, done or blocked."""
     links: tuple[LinkView, ...] = ()
     """Each of its links, where it has several."""
 
     def check_parameters_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
-        """Return the reason not to fly where something cannot be checked, as a parameter of it was not read."""
+        """Return the reason not to fly for a check whose parameter was not read."""
         lacking = self.unread.intersection(names)
         if not lacking:
             return []
@@ -116,7 +116,7 @@ class VehicleFacts:
 def check_identity(
     facts: VehicleFacts, dialect: Dialect, place_m: tuple[float, float], stated_m: tuple[float, float] | None = None
 ) -> list[Check]:
-    """Check that the vehicle, which stands at `place_m` of the local frame, is the one that the site file means."""
+    """Check that the vehicle at `place_m` of the local frame is the one in the site file."""
     found = [_check_firmware(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
     if kind not in vehicle_identity.MULTICOPTERS:
@@ -135,7 +135,7 @@ def check_identity(
 
 
 def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
-    """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
+    """Compare the height of a vehicle's pad by its own GPS with the depot's, the reference of all heights."""
     pad = context.setup.pad_of(facts.name)
     off_m = pad.alt_m - context.frame.alt_m
     heights = checklist.PAD_AND_DEPOT.format(pad_m=pad.alt_m, depot_m=context.frame.alt_m)
@@ -147,9 +147,9 @@ def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
 
 
 def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
-    """Hold a pad's height by the vehicle's own GPS against the raster: all heights of its mission are counted from it.
+    """Compare a pad's height by the vehicle's GPS with the raster; its mission's heights count from it.
 
-    A GPS that is too high sends the vehicle lower over the ground than its mission says.
+    A GPS that reads too high leads the vehicle lower over the ground than planned.
     """
     terrain, pad = context.setup.terrain, context.setup.pad_of(facts.name)
     if terrain is None:
@@ -180,13 +180,13 @@ def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
 
 
 def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
-    """Say what the vehicle does by itself when it does not hear us, and how long it is waited for.
+    """Check a vehicle's GCS failsafe and its link time-out.
 
     Args:
-        facts: What it said.
-        own: What its parameters mean.
-        waited_s: The silence after which its segments are given away.
-        wanted_s: The site file's figure for that; None if it has none.
+        facts: The vehicle's facts.
+        own: Its GCS failsafe.
+        waited_s: The silence after which its segments are reassigned.
+        wanted_s: The site file's value for that; None if it has none.
     """
     if wanted_s is not None and waited_s > wanted_s and not own.unread:
         return checklist.DECLARED_LATER.say(facts.name, failsafe=own.words, wanted_s=wanted_s, waited_s=waited_s)
@@ -195,12 +195,12 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
 
 
 def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = messages.GROUND_STATION[0]) -> list[Check]:
-    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for.
+    """Check that a vehicle's GCS failsafe watches our HEARTBEAT, and only ours.
 
     Args:
-        facts: What the vehicle said.
-        dialect: Of its autopilot.
-        ours: Our own system number.
+        facts: The vehicle's facts.
+        dialect: Its autopilot.
+        ours: Our own system id.
     """
     first = dialect.ground_station_failsafe.station_sysid
     names = () if first is None else (first, *list_other_names(dialect, [first]))
@@ -214,7 +214,7 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = mes
         found.append(checklist.STATION_OTHER.say(facts.name, value=value, name=name, ours=ours))
     for station in facts.stations:
         if station.behind:
-            continue  # its HEARTBEATs come through us, and end with ours
+            continue  # its HEARTBEATs pass through us, and end with ours
         hides = counted is None or counted[1] == station.system
         then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
         if station.system == ours:
@@ -224,7 +224,7 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = mes
 
 
 def check_links(facts: VehicleFacts) -> list[Check]:
-    """Say over which of several links a vehicle is heard."""
+    """Check which of several links of a vehicle are received."""
     silent = [one.connection for one in facts.links if one.heard_age_s is None or one.heard_age_s > SILENT_LINK_S]
     used = [one.connection for one in facts.links if one.used]
     if not used:
@@ -236,12 +236,12 @@ def check_links(facts: VehicleFacts) -> list[Check]:
 def check_forwarding(
     facts: Iterable[VehicleFacts], ports: Sequence[Connection], *, allow_orders: bool, signed: bool
 ) -> list[Check]:
-    """Say who is behind `[forward]`, and what they may do.
+    """Check the stations behind `[forward]` and their permissions.
 
     Args:
-        facts: What the vehicles said.
-        ports: Where other stations are given the vehicles' frames.
-        allow_orders: Whether their frames go to the vehicles.
+        facts: The vehicles' facts.
+        ports: Ports where other stations receive the vehicles' frames.
+        allow_orders: Whether their frames reach the vehicles.
         signed: Whether those must be signed.
     """
     if not ports:
@@ -261,7 +261,7 @@ def check_forwarding(
 
 
 def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:
-    """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
+    """Check a vehicle's battery failsafe against a flight that lands with `left_pct`."""
     names = onboard_failsafes.battery_names(dialect)
     if unread := facts.check_parameters_read(names, "battery failsafe", CheckCode.BATTERY_FAILSAFE):
         return unread
@@ -287,7 +287,7 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
 
 
 def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
-    """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
+    """Check that the flight and the RTL fit a vehicle's own geofence."""
     setup = context.vehicles[facts.name]
     names = onboard_failsafes.fence_names(setup.dialect)
     if unread := facts.check_parameters_read(names, "its geofence is", CheckCode.GEOFENCE):
@@ -304,7 +304,7 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     if action and onboard_failsafes.describe_action(rule.actions, action) == onboard_failsafes.UNKNOWN:
         does = onboard_failsafes.UNKNOWN
         found.append(checklist.GEOFENCE_ACTION.say(facts.name, action=does, name=rule.action, value=action))
-    # What its owner has set is no limit to be lifted for a fence of ours.
+    # The owner's limits are not lifted for a fence of ours.
     severity = Severity.STOP if context.fencing is not None and context.fencing.enabled else None
     for limit_m, needed_m, name, what in (
         (ends_high_m, high_m, rule.height, "high"),
@@ -320,7 +320,7 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
 
 
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    """Say where it is not known how fast a vehicle flies: its times and its energy are planned by that."""
+    """Check whether the parameters of a vehicle's speed, the basis of its times and energy, are known."""
     names = [tuning.parameter for tuning in dialect.tunings]
     asked = (*names, *list_other_names(dialect, names))
     if unread := facts.check_parameters_read(asked, "how it flies is", CheckCode.ENERGY):
@@ -332,14 +332,9 @@ def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     return [checklist.TIMES_BY_DEFAULT.say(facts.name, names=", ".join(absent), tested=dialect.tested_version)]
 
 
-def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that say whether it follows the ground by itself."""
-    return tuple(rule.parameter for rule in dialect.terrain)
-
-
 def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
-    names, known = list_terrain_parameters(dialect), facts.parameters
+    """Check a vehicle's terrain following: a warning if it makes the flight differ from the plan."""
+    names, known = [rule.parameter for rule in dialect.terrain], facts.parameters
     asked = (*names, *list_other_names(dialect, names))
     if unread := facts.check_parameters_read(asked, "whether it follows the ground is", CheckCode.TERRAIN):
         return unread
@@ -354,13 +349,8 @@ def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check
     return found or [checklist.TERRAIN_NOT_FOLLOWED.say(name, idle=f" ({idle})" if idle else "")]
 
 
-def list_shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
-    """Return the parameters that say whether it takes pictures."""
-    return (dialect.shutter.parameter,)
-
-
 def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None) -> list[Check]:
-    """Say whether pictures are taken that a vehicle's mission asks of its autopilot; nothing where it asks for none."""
+    """Check whether the autopilot takes the pictures its mission requires; empty if it requires none."""
     rule = dialect.shutter
     asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()
     if not asked & rule.triggers:
@@ -375,23 +365,18 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
     return [checklist.NO_SHUTTER.say(facts.name, said=said, words=rule.words, remedy=rule.remedy)]
 
 
-def charge_after_flight_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
-    """Return what a flight should leave in the battery; None if there is no flight."""
-    return None if path is None else remaining_pct - _estimate_flight(context, path).energy_pct
-
-
-def _estimate_flight(context: Context, path: FlightPath) -> Estimate:
-    """Return what a flight should take, with what is known of its vehicle's consumption."""
+def estimate_flight(context: Context, path: FlightPath) -> Estimate:
+    """Return the expected flight time and energy, with the vehicle's learned consumption."""
     factor = context.vehicles[path.vehicle].prior.factor
     return estimate(path, context.pricing.models[path.vehicle], consumption=factor)
 
 
 def check_energy(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
-    """Compare what the flight should take with what is in the battery."""
+    """Compare the flight's energy with the battery's charge."""
     setup = context.vehicles[name]
     if path is None:
         return checklist.SPARE.say(name, left_pct=remaining_pct)
-    needed = _estimate_flight(context, path)
+    needed = estimate_flight(context, path)
     left_pct = remaining_pct - needed.energy_pct
     line = checklist.ENERGY_SHORT if left_pct < setup.reserve_pct else checklist.ENERGY
     return line.say(
@@ -401,10 +386,10 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
 
 
 def check_signing(connections: Mapping[str, Sequence[Connection]], *, signed: bool) -> Check:
-    """Say who may speak for the vehicles, and to them.
+    """Check who could send frames as the vehicles, or to them.
 
     Args:
-        connections: Of each vehicle, all of them.
+        connections: All connections of each vehicle.
         signed: Whether frames must be signed.
     """
     if signed:
@@ -418,7 +403,7 @@ def check_signing(connections: Mapping[str, Sequence[Connection]], *, signed: bo
 
 
 def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
-    """Compare the room on the disk with what the record of a flight takes."""
+    """Compare the free disk space with the size of the flight's record."""
     flown_s = sum(estimate(path, context.pricing.models[path.vehicle]).duration_s for path in paths.values())
     needed = RECORD_BYTES_S * flown_s
     line = checklist.DISK_FULL if free_bytes < SPARE_ROOM * needed else checklist.DISK
@@ -433,7 +418,7 @@ def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: 
 
 
 def parse_prearm_reason(text: str) -> str | None:
-    """Return the reason that a text gives; None if it is about something else.
+    """Return the reason in a text; None for another text.
 
     >>> parse_prearm_reason("PreArm: Compass not calibrated")
     'Compass not calibrated'
@@ -445,7 +430,7 @@ def parse_prearm_reason(text: str) -> str | None:
 
 
 def find_missing_before_takeoff(position: messages.Position | None, remaining_pct: float | None) -> str:
-    """Return what a vehicle must have said before it is asked to arm, in words; empty if nothing is missing."""
+    """Return in words what a vehicle must report before it may arm; empty if nothing is missing."""
     if position is None or (position.lat_deg == 0.0 and position.lon_deg == 0.0):
         return "no position"
     return "no battery state" if remaining_pct is None else ""
@@ -455,7 +440,7 @@ def describe_prearm_failure(reasons_s: Mapping[str, float], status: messages.Sys
     """Return why the pre-arm checks fail.
 
     Args:
-        reasons_s: What the vehicle said, and when last.
+        reasons_s: The vehicle's reasons, with their last times.
         status: Its last SYS_STATUS.
         now_s: The time.
     """
@@ -471,40 +456,29 @@ def describe_prearm_failure(reasons_s: Mapping[str, float], status: messages.Sys
 
 
 @dataclass(frozen=True, slots=True)
-class PackReading:
-    """What a vehicle says of its pack at rest."""
-
-    remaining_pct: float
-    voltage_v: float | None
-    cells: int | None
-    """How many it tells apart."""
-    parameters: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True)
 class PackAtRest:
-    """How a pack stands at rest."""
+    """The condition of a pack at rest."""
 
     standing: PackCondition
     count: str
-    """Of how many cells, in words."""
+    """Number of cells, in words."""
     reads_volts: bool
-    """Whether its percentage is read off that voltage, and contradicts nothing."""
+    """Whether its percentage is derived from that voltage, so that they cannot disagree."""
 
     @property
     def doubtful(self) -> bool:
-        """Whether its percentage says more than its voltage allows."""
+        """Whether its percentage exceeds what its voltage allows."""
         return self.standing.doubtful and not self.reads_volts
 
     @property
     def held_pct(self) -> float:
-        """What it holds: what its voltage says where that contradicts its percentage."""
+        """Its charge: by voltage where that contradicts its percentage."""
         claimed_pct = self.standing.claimed_pct
         return min(claimed_pct, self.standing.held_pct) if self.doubtful else claimed_pct
 
 
 def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
-    """Return what a vehicle's parameters say of its pack."""
+    """Return the facts of a pack from a vehicle's parameters."""
     said = NO_FACTS
     for name in voltage.PARAMETERS:
         if name in parameters:
@@ -512,45 +486,46 @@ def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
     return said
 
 
-def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest | None:
-    """Return how a vehicle's pack stands at rest; None where no voltage is reported."""
-    if heard.voltage_v is None:
+def assess_pack_at_rest(
+    setup: VehicleSetup, claimed_pct: float, rest_v: float | None, cells: int | None, parameters: Mapping[str, float]
+) -> PackAtRest | None:
+    """Return the condition of a vehicle's pack at rest, with the cells it reports; None without a voltage."""
+    if rest_v is None:
         return None
-    known = pack_facts_from_parameters(heard.parameters).override_with(setup.pack)
-    cells = heard.cells or known.cells or voltage.least_cell_count(heard.voltage_v)
-    found = pack_condition.assess_resting_pack(heard.voltage_v, cells, known, heard.remaining_pct)
-    count = (checklist.CELLS if heard.cells or known.cells else checklist.CELLS_AT_LEAST).format(cells=cells)
-    reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
+    known = pack_facts_from_parameters(parameters).override_with(setup.pack)
+    told = cells or known.cells
+    cells = told or voltage.least_cell_count(rest_v)
+    found = pack_condition.assess_resting_pack(rest_v, cells, known, claimed_pct)
+    count = (checklist.CELLS if told else checklist.CELLS_AT_LEAST).format(cells=cells)
+    reads_volts = setup.dialect.rounds_twice and parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
     return PackAtRest(found, count, reads_volts)
 
 
 def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
-    """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
+    """Compare the capacity it counts with to the plan's, and its rest voltage to its percentage."""
     names = context.vehicles[facts.name].dialect.pack_parameters
     if unread := facts.check_parameters_read(names, "what its pack is taken for is", CheckCode.PACK):
         return unread
-    said = pack_facts_from_parameters(facts.parameters)
-    heard = PackReading(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
-    found = assess_pack_at_rest(context.vehicles[facts.name], heard)
-    return [
-        *_check_history(context, context.vehicles[facts.name]),
-        *_check_capacity(context, facts.name, said),
-        *_check_voltage(facts, found),
-    ]
-
-
-def _check_history(context: Context, setup: VehicleSetup) -> list[Check]:
-    """Say what earlier flights said of its pack, and what is reckoned with for it."""
-    known, planned_ah = setup.history, context.drone.capacity_ah
-    if known is None:
-        return []
-    worn = known.share_of(planned_ah) < 1.0
-    severity, history = Severity.WARNING if worn else None, describe_pack_history(setup, planned_ah)
-    return [checklist.PACK_HISTORY.say(setup.name, severity, label=known.label, history=history)]
+    setup, planned_ah, checks = context.vehicles[facts.name], context.drone.capacity_ah, list[Check]()
+    if (known := setup.history) is not None:
+        severity, history = None, describe_pack_history(setup, planned_ah)
+        if known.share_of(planned_ah) < 1.0:
+            severity = Severity.WARNING
+        checks.append(checklist.PACK_HISTORY.say(facts.name, severity, label=known.label, history=history))
+    counted_ah = pack_facts_from_parameters(facts.parameters).capacity_ah
+    if counted_ah is not None and not planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
+        line, factor = checklist.PACK_CAPACITY, planned_ah / counted_ah
+        checks.append(line.say(facts.name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor))
+    found = assess_pack_at_rest(setup, facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
+    if found is None:
+        return [*checks, checklist.NO_VOLTAGE.say(facts.name)]
+    line = checklist.PACK_BY_VOLTS if found.reads_volts else checklist.PACK_AT_REST
+    severity = Severity.WARNING if found.doubtful else None
+    return [*checks, line.say(facts.name, severity, standing=found.standing.words, count=found.count)]
 
 
 def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
-    """Return what earlier flights said of a pack, to be put behind its name; empty where it has no label."""
+    """Return the results of a pack's earlier flights, to follow its name; empty without a label."""
     known = setup.history
     if known is None:
         return ""
@@ -564,7 +539,7 @@ def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
         parts.append(checklist.HAS_CAPACITY.format(has_ah=has_ah, share_pct=share_pct, planned_ah=planned_ah))
     if known.ohm is not None:
         parts.append(checklist.HAS_RESISTANCE.format(mohm=1000.0 * known.ohm[0]))
-    flights = format_count(min(known.flights, RECENT), "flight")
+    flights = format_count(min(known.flights, RECENT_FLIGHTS), "flight")
     text = checklist.HAS.format(what=" and ".join(parts), flights=flights)
     worn = known.share_of(planned_ah) < 1.0
     if worn:
@@ -572,21 +547,3 @@ def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
     if setup.empty_pct > 0:
         text += (", " if worn else ": ") + checklist.EMPTY_AT.format(empty_pct=setup.empty_pct)
     return text
-
-
-def _check_capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
-    planned_ah, counted_ah = context.drone.capacity_ah, said.capacity_ah
-    if counted_ah is None or planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
-        return []
-    factor = planned_ah / counted_ah
-    return [checklist.PACK_CAPACITY.say(name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor)]
-
-
-def _check_voltage(facts: VehicleFacts, found: PackAtRest | None) -> list[Check]:
-    if facts.voltage_v is None:
-        return [checklist.NO_VOLTAGE.say(facts.name)]
-    if found is None:
-        return []
-    line = checklist.PACK_BY_VOLTS if found.reads_volts else checklist.PACK_AT_REST
-    severity = Severity.WARNING if found.doubtful else None
-    return [line.say(facts.name, severity, standing=found.standing.words, count=found.count)]

@@ -1,1 +1,1 @@
-"""After a loss: who can take over what, and what the next loss would mean."""
+"""Re-plan after a loss: which survivors can take over which segments, and what the next loss would mean."""

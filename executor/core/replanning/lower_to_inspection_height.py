@@ -1,13 +1,14 @@
-"""Coming down on the way: who inspects from its layer because another's way was there does so no longer than that.
+"""Decide when a vehicle that inspects from its layer can descend to inspection height, now or on a second pass.
 
-What others may still fly becomes less with each leg. As soon as a vehicle may come down to a part of the line ahead of
-it, it is given the same visits again with that part at the asked distance. Nothing depends on when anybody flies: until
-then, and where the new mission does not come on board, it inspects from its layer.
+A vehicle inspects from its layer where another vehicle's path was in the way. With each leg flown there is less of
+these paths. As soon as a part of the line ahead of the vehicle is free, it gets a mission with the same visits and that
+part at inspection height. Nothing depends on timing: until the new mission is on board, or if its upload fails, the
+vehicle inspects from its layer.
 
-What was inspected so counts; but when the others have left, who has done its own part and is about to fly home with
-enough in its battery comes by again, lower. That is no re-plan: nothing is open, and whatever does become open comes
-before it. When everybody is down, who has enough left may take off for it, as for anything else: by the crew's word, or
-where the site says that nobody is asked.
+A segment inspected from the layer counts. When the others have left, a vehicle that has done its part and is about to
+return with enough battery inspects it again, lower. That is no re-plan: nothing is open, and any segment that becomes
+open comes first. When all vehicles are down, one with enough battery may take off for it as for any other segment: on
+the crew's include, or without asking where the site allows that.
 """
 
 from __future__ import annotations
@@ -30,29 +31,29 @@ from missions import estimate
 from missions.inspection_height import must_leave_layer, visit_distances_m
 from planner import is_reversed, segment_of, visit_of
 
-LOOKED_S = 1.0
-LOOKED_AT, PAIRS_AT_ONCE = 3, 24
-"""Vehicles at once, in a large fleet fewer: each is held against all others."""
-MOST_LOST = 0.05
-"""Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
+EVALUATION_S = 1.0
+VEHICLES_AT_ONCE, PAIRS_AT_ONCE = 3, 24
+"""Vehicles evaluated at once, fewer in a large fleet, as each is checked against all others."""
+LARGEST_LOSS = 0.05
+"""Largest frame loss for an optional mission; its upload should not break off."""
 _DOWN = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN, Stage.LOST})
-AT_ONCE = 5
-"""Segments that it goes to again; more of them afterwards."""
+LARGEST_PASS = 5
+"""Most segments in one second pass; others follow later."""
 SPARE_PCT = 5.0
-"""Of its battery, which it keeps besides its reserve: nobody needs it to go there."""
+"""Battery kept beside the reserve, as a second pass is optional."""
 
 
 def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Give a vehicle a mission on which it comes nearer to the line, if there is one for whom that is free."""
+    """Assign a vehicle a mission closer to the line, if the airspace for one is free."""
     known, flies = state.replanning, state.progress.is_under_way and not state.progress.finished
     busy = known.is_changing or known.orphans_since_s is not None or state.listening.silent_since_s is not None
     if not replan_separation.may_leave_layers(context) or busy or not flies or now_s < known.wait_until_s:
         return state, ()
-    looked = now_s < known.closer_s + LOOKED_S and not is_fleet_down(state)
+    looked = now_s < known.closer_s + EVALUATION_S and not is_fleet_down(state)
     if looked or replan_separation.is_line_occupied(context, state, now_s):
         return state, ()
     state = replace(state, replanning=replace(known, closer_s=now_s))
-    most = max(1, min(LOOKED_AT, PAIRS_AT_ONCE // len(state.vehicles)))
+    most = max(1, min(VEHICLES_AT_ONCE, PAIRS_AT_ONCE // len(state.vehicles)))
     for offer in itertools.islice(_find_candidates(context, state, now_s), most):
         found = _lower_ahead(context, state, offer, now_s) or _reinspect(context, state, offer, now_s)
         if found is not None:
@@ -61,7 +62,7 @@ def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Step
 
 
 def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> bool:
-    """Return whether somebody on the ground was just cleared to fly there once more, and others may be in a moment."""
+    """Return whether a vehicle was just cleared for a second pass, and others may be within a moment."""
     over = state.progress.recalled or now_s >= state.replanning.wait_until_s
     if over or not replan_separation.may_leave_layers(context):
         return False
@@ -73,13 +74,13 @@ def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> b
 
 
 def _find_candidates(context: Context, state: FleetState, now_s: float) -> Iterator[Survivor]:
-    """Yield who inspects from its layer, or may look again at what was; each second another one comes first."""
+    """Yield candidates for a lower mission or a second pass; the first one rotates every second."""
     names = list(state.vehicles)
     stays, first = replan_separation.find_layer_bound_vehicles(context.vehicles), int(now_s) % len(names)
     for name in (*names[first:], *names[:first]):
         vehicle = state.vehicles[name]
         lost = vehicle.link.quality.lost
-        if vehicle.assignment.board is None or (lost is not None and lost > MOST_LOST):
+        if vehicle.assignment.board is None or (lost is not None and lost > LARGEST_LOSS):
             continue
         ahead = () if name in stays else map(segment_of, vehicle.remaining_visits())
         lower = any(must_leave_layer(context.setup, name, segment) for segment in ahead)
@@ -95,7 +96,7 @@ def _find_candidates(context: Context, state: FleetState, now_s: float) -> Itera
 
 
 def _lower_ahead(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
-    """Return what follows where a vehicle comes down to more of what it has before it."""
+    """Return the step by which a vehicle descends for more of its remaining visits; None if it cannot."""
     vehicle = state.vehicles[offer.vehicle]
     before = replan_separation.find_low_tail_segments(vehicle, offer)
     if not offer.tail:
@@ -109,7 +110,7 @@ def _lower_ahead(context: Context, state: FleetState, offer: Survivor, now_s: fl
 
 
 def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
-    """Return what follows where a vehicle that has done its part can inspect more at the asked distance."""
+    """Return the step by which a vehicle that has done its part inspects more at the inspection height."""
     plan = plan_reinspection(context, state, offer, now_s)
     if plan is None:
         return None
@@ -119,7 +120,7 @@ def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: floa
 
 
 def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
-    """Return the plan by which a vehicle that has done its part inspects more at the asked distance, if it can."""
+    """Return the plan of a second pass of a vehicle that has done its part; None if there is none."""
     name, vehicle = offer.vehicle, state.vehicles[offer.vehicle]
     again = find_distant_segments(context, state, vehicle)
     if not again or not has_done_its_part(state, vehicle, offer):
@@ -137,7 +138,7 @@ def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_
             one for one in more if segment_of(one) in low or not must_leave_layer(context.setup, name, segment_of(one))
         )
         if stay != more:
-            more = stay  # where one goes away, the others may be flown in one go, or not any more
+            more = stay  # without one segment others may become possible, or no longer be
         elif _can_afford(context, vehicle, plan, low, SPARE_PCT):
             return plan
         else:
@@ -171,11 +172,11 @@ def _assign_plan(context: Context, state: FleetState, plan: Replan, said: Say, n
 def _can_afford(
     context: Context, vehicle: VehicleState, plan: Replan, low: frozenset[int], spare_pct: float = 0.0
 ) -> bool:
-    """Return whether what is left of a vehicle's budget takes it down there and home."""
+    """Return whether the rest of a vehicle's budget covers the lower mission and the return."""
     [offer] = plan.solve.survivors
     setup, kept = replan_separation.build_closed_setup(context, (offer,)), offer.kept if offer.airborne else 0
     path = replan_separation.build_new_path(setup, vehicle, offer, plan.solve.given, low)
-    if kept:  # from where it is
+    if kept:  # from its position
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(*offer.start_m)
         begin = replace(path.waypoints[kept - 1], lat_deg=lat_deg, lon_deg=lon_deg)
         path, kept = replace(path, waypoints=(begin, *path.waypoints[kept:])), 1
@@ -186,19 +187,19 @@ def _can_afford(
 
 
 def has_done_its_part(state: FleetState, vehicle: VehicleState, offer: Survivor) -> bool:
-    """Return whether all that a vehicle would be given anew counts already, and it has no sortie ahead."""
+    """Return whether all segments a vehicle would get again are inspected, and no sortie is planned for it."""
     return not vehicle.turn.ahead and all(segment_of(visit) in state.coverage.inspected for visit in offer.tail)
 
 
 def is_fleet_down(state: FleetState) -> bool:
-    """Return whether nobody is in the air, or about to be, but for who is lost."""
+    """Return whether no vehicle is in the air or about to be, lost ones aside."""
     return all(vehicle.stage in _DOWN for vehicle in state.vehicles.values())
 
 
 def find_distant_segments(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
-    """Return the segments that count from farther away than asked, and that a vehicle may be sent to once more.
+    """Return the segments inspected from too far that a vehicle may be assigned once more.
 
-    Not what somebody has before it, and not what it was sent to already: that was not proven, and may not be again.
+    Without those on any mission, and those it was assigned before: they were not proven then, and may not be again.
     """
     coverage, asked_m = state.coverage, context.setup.inspection.height_m
     found = {segment for segment in coverage.inspected if coverage.is_nearer_than_counted(segment, asked_m)}
@@ -212,7 +213,7 @@ def find_distant_segments(context: Context, state: FleetState, vehicle: VehicleS
 
 
 def _find_tried_segments(context: Context, state: FleetState, vehicle: VehicleState) -> set[int]:
-    """Return what a vehicle was sent to for a nearer look by the mission on board."""
+    """Return the segments that the mission on board already visits from closer than they count."""
     board = vehicle.assignment.board
     if board is None:
         return set()
@@ -226,19 +227,19 @@ def _find_tried_segments(context: Context, state: FleetState, vehicle: VehicleSt
 
 
 def build_nearest_visits(context: Context, begin_m: tuple[float, float], segments: Iterable[int]) -> tuple[int, ...]:
-    """Return visits of the nearest segments: each time the one, and the end of it, to which it is nearest.
+    """Return visits of the nearest segments, each time the nearest end of the nearest one.
 
-    What is flown in one direction alone is visited in that one.
+    A segment locked to one direction is visited in that direction.
     """
-    ways = context.pricing.directions
+    directions = context.pricing.directions
     left, here_m = set(segments), begin_m
     visits: list[int] = []
-    while left and len(visits) < AT_ONCE:
+    while left and len(visits) < LARGEST_PASS:
         _, segment, backwards = min(
             (math.dist(here_m, end), segment, backwards)
             for segment in left
             for backwards, end in enumerate(context.setup.tracks_m[segment].tolist())
-            if ways.get(segment, bool(backwards)) == bool(backwards)
+            if directions.get(segment, bool(backwards)) == bool(backwards)
         )
         visits.append(visit_of(segment, bool(backwards)))
         here_m = tuple(context.setup.tracks_m[segment][1 - backwards].tolist())

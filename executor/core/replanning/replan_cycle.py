@@ -1,6 +1,6 @@
-"""A re-plan from its need to its end, and what the next loss would mean.
+"""Run a re-plan from its need to its end, and pose the problem of the next loss.
 
-Its answer is taken if it still fits; the missions are made, sent, and let go where they come too late.
+An answer that still fits is accepted; its missions are built, uploaded, and dropped where they come too late.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from executor.core.interface.commands import Command, Compose, Say, Solve, Survi
 from executor.core.interface.events import Gain, MissionsWanted, NewRoute, SolveEnded
 from executor.core.lines import link, replanning
 from executor.core.replanning import replan_separation, survivors
+from executor.core.replanning.replan_separation import find_low_tail_segments
 from executor.core.state import legs
 from executor.core.state.fleet_state import Coverage, FleetState, NewMission, Replan, ReplanRecord, Stepped
 from executor.core.state.onboard_fence import widen_fence
@@ -25,23 +26,23 @@ from executor.core.state.vehicle_state import Stage, VehicleState, suppose_lost
 from planner import segment_of
 
 PROOF_GRACE_S = 5.0
-"""The vehicle's index may move on before the position that proves the inspection has arrived."""
+"""Wait for the proof of a passed segment: the index may advance before the last position arrives."""
 SELDOM, MOST_SELDOM_S = 4.0, 240.0
-"""Times as long as uploads took, and at most, segments without proof wait for more of their kind over a radio."""
+"""Factor on the last upload time, and longest wait, to collect unproven segments over a radio."""
 ATTEMPTS = 2
-"""How often a segment is flown again because its inspection could not be proven."""
+"""Repetitions of a segment whose inspection could not be proven."""
 RETRY_S = 5.0
 OLD_NEED_S = 90.0
-"""A need that nobody could answer for longer says nothing of the re-plan that came in the end."""
+"""Age of a need beyond which it says nothing about the re-plan's speed."""
 WAYS_AT_ONCE = 500
-"""Of the missions that are made in one turn of the loop: ways to fly, times the pads that each may have to lead around.
-Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
+"""Limit of missions built per turn, as legs times pads to avoid; some 10 ms for fifty vehicles, whose missions together
+would take a third of a second."""
 
 
 def find_orphan_segments(context: Context, state: FleetState) -> frozenset[int]:
-    """Return the segments that are not inspected, not given up, not the next sortie's, and on nobody's way."""
+    """Return the segments not inspected, given up, left for the next sortie or on any route."""
     wanted = context.wanted - set(state.coverage.inspected) - state.coverage.given_up - state.coverage.left_over
-    wanted -= set(state.coverage.unseen)  # their pictures are waited for
+    wanted -= set(state.coverage.unseen)  # their pictures are awaited
     wanted -= state.later_segments()
     for vehicle in state.mission_vehicles():
         wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()} - survivors.find_barred_segments(
@@ -51,7 +52,7 @@ def find_orphan_segments(context: Context, state: FleetState) -> frozenset[int]:
 
 
 def find_left_over_segments(state: FleetState) -> frozenset[int]:
-    """Return what the first plan left for the next sortie, and nobody has taken up since."""
+    """Return the segments that the first plan left over and no route has taken up."""
     left = state.coverage.left_over - set(state.coverage.inspected) - state.later_segments()
     if left:
         for vehicle in state.mission_vehicles():
@@ -60,7 +61,7 @@ def find_left_over_segments(state: FleetState) -> frozenset[int]:
 
 
 def replan_for_regained_link(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
-    """Plan anew for a vehicle that was silent at the last re-plan, if that left something over which it may reach."""
+    """Request a re-plan for a vehicle without contact at the last one, if segments it may reach were left over."""
     left = state.list_uncovered_last() & state.coverage.given_up
     out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.replanning.considered
     if out or not left or state.progress.recalled:
@@ -70,10 +71,10 @@ def replan_for_regained_link(state: FleetState, vehicle: VehicleState, now_s: fl
 
 
 def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Begin a re-plan if there is a need for one and somebody to do it, or go on with one that waits."""
+    """Begin a re-plan if one is needed and possible, or continue a waiting one."""
     plan = state.replanning.replan
     if plan is not None and plan.low and plan.unmade:
-        return compose_missions(context, state, plan, now_s)  # somebody waits for another's new mission
+        return compose_missions(context, state, plan, now_s)  # a vehicle waits for another's new mission
     if replan_separation.is_line_occupied(context, state, now_s):
         return state, ()
     return _begin_new_replan(context, state, now_s)
@@ -118,10 +119,10 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Step
 
 
 def _find_proof_grace_s(state: FleetState, since_s: float) -> float:
-    """Return how long segments without proof wait for a re-plan.
+    """Return how long unproven segments wait for a re-plan.
 
-    Over a telemetry radio new missions take long, and what is flown meanwhile may lack its proof as well: so uploads
-    have a fifth of the time at most, and segments wait for more of their kind, as long as somebody flies long enough.
+    Over a telemetry radio uploads take long, and segments flown meanwhile may lack proof as well: uploads get a fifth
+    of the time at most, and unproven segments are collected while a vehicle flies for long enough.
     """
     records = [record for record in state.replanning.records if not record.sortie]
     if not state.channels or not records:
@@ -138,7 +139,7 @@ def _find_proof_grace_s(state: FleetState, since_s: float) -> float:
 
 
 def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int]:
-    """Return what somebody flies, or flies to, and keeps: another that carries it as well need not fly it again."""
+    """Return the segments that vehicles are flying and keep: another carrier need not fly them again."""
     return frozenset(
         segment_of(visit)
         for offer in offers
@@ -149,7 +150,7 @@ def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) ->
 
 
 def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
-    """Count how often what is without a vehicle was flown in vain; what nobody flew past was not."""
+    """Count the failed attempts of orphan segments that a vehicle has flown past."""
     flown = alone & find_passed_segments(state)
     attempts = {
         **state.coverage.attempts,
@@ -161,7 +162,7 @@ def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetStat
 
 
 def set_aside_segments(context: Context, coverage: Coverage, segments: Iterable[int]) -> Coverage:
-    """Return the coverage with segments that nobody in the air can inspect: a day has other sorties for them."""
+    """Return the coverage without segments no airborne vehicle can inspect: on a day later sorties can."""
     if context.day is not None:
         return replace(coverage, left_over=coverage.left_over | set(segments))
     return replace(coverage, given_up=coverage.given_up | set(segments))
@@ -170,7 +171,7 @@ def set_aside_segments(context: Context, coverage: Coverage, segments: Iterable[
 def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozenset[int]) -> Stepped:
     stages = {one.stage for one in state.vehicles.values() if one.fault is None and not one.orders.excluded}
     if state.mission_vehicles() or not alone:
-        return state, ()  # somebody is landing, or about to: it may fly again
+        return state, ()  # a vehicle is landing, or about to: it may fly again
     if Stage.RETURNING in stages and context.fly_again is RelaunchPolicy.AUTO:
         return state, ()
     state = replace(state, coverage=set_aside_segments(context, state.coverage, alone)).with_replanning(urgent=False)
@@ -179,10 +180,10 @@ def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozens
 
 
 def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
-    """Take the solver's answer: check that it still fits, then upload."""
+    """Apply the solver's answer: check that it still fits, then upload."""
     plan = state.replanning.replan
     if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
-        return state, ()  # made stale by a newer fault
+        return state, ()  # stale after a newer fault
     if event.routes is None:
         state = request_replan_again(state, plan)
         state = state.with_replanning(wait_until_s=now_s + RETRY_S)
@@ -200,9 +201,11 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
     unmade = tuple(
         NewRoute(offer.vehicle, routes[offer.vehicle])
         for offer in offers
-        if routes[offer.vehicle] != offer.tail or _is_moved(state, plan, offer)
+        if routes[offer.vehicle] != offer.tail
+        # A tail that stays may be inspected at another distance: another vehicle may be there now.
+        or (plan.low and {*plan.low[offer.vehicle]} != find_low_tail_segments(state.vehicles[offer.vehicle], offer))
     )
-    if plan.low:  # from the highest layer down: who flies lower may have to wait for who flies above it
+    if plan.low:  # from the highest layer down: a lower vehicle may have to wait for a higher one
         unmade = tuple(sorted(unmade, key=lambda one: -context.setup.layers.vehicles.index(one.vehicle)))
     for route in unmade:
         state = state.put(state.vehicles[route.vehicle].with_assignment(pending=event.revision))
@@ -227,17 +230,8 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
     return state, (*lines, *commands)
 
 
-def _is_moved(state: FleetState, plan: Replan, offer: Survivor) -> bool:
-    """Return whether a tail that stays is inspected at another distance than before: another may be there now."""
-    if not plan.low:
-        return False
-    return frozenset(plan.low[offer.vehicle]) != replan_separation.find_low_tail_segments(
-        state.vehicles[offer.vehicle], offer
-    )
-
-
 def apply_missions_wanted(context: Context, state: FleetState, event: MissionsWanted, now_s: float) -> Stepped:
-    """Make some more missions of a re-plan."""
+    """Build more of a re-plan's missions."""
     plan = state.replanning.replan
     if plan is None or plan.solve.revision != event.revision:
         return state, ()
@@ -245,7 +239,7 @@ def apply_missions_wanted(context: Context, state: FleetState, event: MissionsWa
 
 
 def compose_missions(context: Context, state: FleetState, plan: Replan, now_s: float) -> Stepped:
-    """Make and send the next missions, with `WAYS_AT_ONCE` or one vehicle's; the others wait for their turn."""
+    """Build and send the next missions, up to `WAYS_AT_ONCE` or one vehicle's; the others wait for their turn."""
     commands: list[Command] = []
     offers = {offer.vehicle: offer for offer in plan.solve.survivors}
     unmade, ways = list(plan.unmade), 0
@@ -287,7 +281,7 @@ def compose_missions(context: Context, state: FleetState, plan: Replan, now_s: f
 
 
 def build_all_missions(context: Context, state: FleetState, plan: Replan) -> Replan:
-    """Make every mission of a re-plan at once, and send none."""
+    """Build all missions of a re-plan at once, without sending any."""
     offers = {offer.vehicle: offer for offer in plan.solve.survivors}
     missions = {
         route.vehicle: _build_new_mission(
@@ -302,7 +296,7 @@ def build_all_missions(context: Context, state: FleetState, plan: Replan) -> Rep
 def drop_late_mission(
     state: FleetState, plan: Replan, name: str, why: str, now_s: float
 ) -> tuple[FleetState, Replan, Say]:
-    """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
+    """Drop a part of a re-plan that came too late for one vehicle; its segments are planned again."""
     plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
     vehicle = state.vehicles[name]
     state = state.put(vehicle.with_assignment(pending=None))
@@ -311,16 +305,16 @@ def drop_late_mission(
 
 
 def release_vehicle(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -> Stepped:
-    """Let go of one vehicle's part as above, and close the re-plan if it was the last."""
+    """Drop one vehicle's part likewise, and close the re-plan if it was the last."""
     state, _, said = drop_late_mission(state, plan, name, why, now_s)
     state, more = end_replan_if_done(state, now_s)
     return state, (said, *more)
 
 
 def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
-    """Give a re-plan up; the next one has the same reason and is as old.
+    """Abandon a re-plan; the next one has the same reason and age.
 
-    A sortie that is given up is asked for again by its turnaround, as long as the crew's word holds.
+    A sortie's turnaround requests it again, while the crew's clearance holds.
     """
     if plan.solve.sortie:
         return state.with_replanning(replan=None)
@@ -328,17 +322,17 @@ def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
 
 
 def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
-    """Return whether the upload of a mission that failed is begun again.
+    """Return whether a failed upload is repeated.
 
-    One of which a part is on board, `mixed`, is better whole, also with its pilot.
+    A `mixed` mission, with part of a new one on board, is completed even for a vehicle with its pilot.
     """
     if has_left_mission(context, vehicle):
-        return False  # it is left to its way home, and to its landing; who lies somewhere flies none
+        return False  # it is left to its return and landing; one that is down flies none
     return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.LOST})
 
 
 def estimate_need_s(state: FleetState, name: str) -> float:
-    """Return in how many seconds a vehicle flies past the part of its mission that stays; infinite if it flies none."""
+    """Return the time until a vehicle flies past the kept part of its mission; infinite if it flies none."""
     plan, vehicle = state.replanning.replan, state.vehicles[name]
     offer = None if plan is None else next((one for one in plan.solve.survivors if one.vehicle == name), None)
     if offer is None or not offer.airborne or vehicle.assignment.board is None:
@@ -347,7 +341,7 @@ def estimate_need_s(state: FleetState, name: str) -> float:
 
 
 def has_left_mission(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
+    """Return whether a vehicle no longer flies the mission on board, so that a mix of two does no harm."""
     return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or is_coming_down(context, vehicle)
 
 
@@ -356,7 +350,7 @@ def _build_new_mission(
 ) -> NewMission:
     """Return a survivor's whole new mission.
 
-    In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
+    In flight its beginning stays unchanged, item for item, so that the autopilot's index keeps its meaning.
     """
     setup = replan_separation.build_closed_setup(context, plan.solve.survivors)
     low, board = frozenset(plan.low.get(vehicle.name, ())), vehicle.assignment.board
@@ -369,7 +363,7 @@ def _build_new_mission(
 
 
 def end_replan_if_done(state: FleetState, now_s: float) -> Stepped:
-    """Close the re-plan once every new mission is on board, or known not to come on board."""
+    """Close the re-plan once every new mission is on board, or certain not to be."""
     plan = state.replanning.replan
     if plan is None or plan.solve_s is None or plan.pending:
         return state, ()
@@ -400,14 +394,14 @@ def end_replan_if_done(state: FleetState, now_s: float) -> Stepped:
 
 
 def select_vehicles_to_judge(state: FleetState) -> tuple[str, ...]:
-    """Return the vehicles whose loss can be judged; none while the plan is about to change anyway."""
+    """Return the vehicles whose loss can be judged; none while the plan is about to change."""
     if state.replanning.is_changing or not state.progress.is_under_way:
         return ()
     return tuple(vehicle.name for vehicle in state.mission_vehicles() if vehicle.stage is Stage.FLYING)
 
 
 def build_judgement_key(state: FleetState) -> tuple[object, ...]:
-    """Return what a judgement depends on: between two visits, and without a new plan, it stays as it is."""
+    """Return the inputs of a judgement: between visits, and without a new plan, it stays valid."""
     doing = tuple(
         (one.name, one.stage.value, one.orders.held_s is None, one.orders.excluded) for one in state.vehicles.values()
     )
@@ -415,9 +409,9 @@ def build_judgement_key(state: FleetState) -> tuple[object, ...]:
 
 
 def build_loss_problem(context: Context, state: FleetState, name: str, now_s: float) -> Solve | tuple[int, ...]:
-    """Return the re-plan that the loss of a vehicle would ask for, or what would surely be left over.
+    """Return the re-plan that a vehicle's loss would need, or the segments certain to be left over.
 
-    A held vehicle is taken to go on: the operator can let it.
+    A held vehicle counts as flying: the operator can resume it.
     """
     state = state.put(suppose_lost(state.vehicles[name], now_s))
     alone = find_orphan_segments(context, state)
@@ -434,7 +428,7 @@ def build_loss_problem(context: Context, state: FleetState, name: str, now_s: fl
 
 
 def format_segments(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
-    """Return segments in words, by the names of the assets where they have any."""
+    """Return segments in words, by the names of their assets if any."""
     names = {segment: context.segment_name(segment) for segment in sorted(segments)}
     if len(names) > 1 and all(name == f"segment {segment}" for segment, name in names.items()):
         return f"segments {', '.join(map(str, names))}"
@@ -453,7 +447,7 @@ def find_passed_segments(state: FleetState) -> frozenset[int]:
 
 
 def explain_orphan_segments(context: Context, state: FleetState, alone: frozenset[int]) -> str:
-    """Return why segments are without a vehicle that no fault left behind."""
+    """Return why segments are without a vehicle, other than by a fault."""
     past = find_passed_segments(state)
     reasons = {replanning.NOT_PROVEN: alone & past, replanning.WITHOUT_VEHICLE: alone - past}
     found = ((why, format_segments(context, segments)) for why, segments in reasons.items() if segments)
@@ -461,7 +455,7 @@ def explain_orphan_segments(context: Context, state: FleetState, alone: frozense
 
 
 def announce_solution(event: SolveEnded, names: list[str]) -> Say:
-    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission."""
+    """Report a re-plan's result: its improvement, and the vehicles with a new mission."""
     gained = "" if event.gain is None else f": {_describe_gain(event.gain, changed=bool(names))}"
     given = ", ".join(sorted(names)) or replanning.NO_VEHICLE
     return replanning.FOUND.say(revision=event.revision, solve_s=event.solve_s, gained=gained, vehicles=given)
@@ -487,6 +481,6 @@ def _describe_gain(gain: Gain, *, changed: bool) -> str:
 
 
 def announce_short_budgets(gain: Gain) -> Say:
-    """Say who cannot go on with what is on board."""
+    """Report the vehicles whose budget does not cover the mission on board."""
     line = replanning.BUDGET_SHORT if len(gain.short) == 1 else replanning.BUDGETS_SHORT
     return line.say(vehicles=", ".join(sorted(gain.short)))

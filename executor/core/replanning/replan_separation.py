@@ -1,9 +1,9 @@
-"""Who may meet whom on the line where everybody inspects at the asked distance, and what a re-plan makes of it.
+"""Keep a re-plan's new flights separated from every path others may still fly, where vehicles leave their layers.
 
-What anybody may fly is known: what is left of the missions on board, and the new ones. A re-plan keeps its new flights
-out of the air in which another goes down to the line, and lets vehicles down to it only where nobody else may be. Until
-a lost vehicle must have left the line by its own failsafe, or one that returns is seen up in its layer, nobody is given
-anything. Where a new mission crosses what a vehicle above it has on board still, it waits until that has its own.
+These paths are known: the rest of the missions on board, and the new ones. A re-plan keeps its new flights out of the
+airspace in which another vehicle descends to the line, and lets a vehicle descend only where no other may be. Until a
+lost vehicle must have left the line by its failsafe, or a returning one is seen in its layer, no vehicle gets a new
+mission. A new mission that crosses the present one of a vehicle above waits until that vehicle has its own new one.
 """
 
 from __future__ import annotations
@@ -36,42 +36,42 @@ from missions.inspection_height import (
 from missions.pads import column_radius_m
 from planner import segment_of
 
-UP_M = 2.0
-"""Who is this near to its layer is in it."""
-TURNS_S = 5.0
-"""A return by itself begins with a stop."""
-DOWN_FACTOR, DOWN_MORE_S = 1.5, 60.0
-"""A vehicle that nobody hears is down after so much more than the rest of its flight takes by the model."""
-SEEN_UP_S = 60.0
-"""Who is not seen up in its layer so long after its RTL began may be anywhere on its way."""
+LAYER_MARGIN_M = 2.0
+"""Distance below its layer within which a vehicle counts as in it."""
+RTL_STOP_S = 5.0
+"""Stop at the start of an RTL."""
+DOWN_FACTOR, DOWN_MARGIN_S = 1.5, 60.0
+"""Factor and margin on the remaining flight time after which a silent vehicle counts as down."""
+CLIMB_TIMEOUT_S = 60.0
+"""Time from the start of RTL after which a vehicle not seen in its layer may be anywhere on its path."""
 ROUNDING_M = 0.05
-"""New ways keep this much less from others' parts of the line than those were chosen by."""
+"""Rounding margin by which new paths may come closer to others' parts of the line than at their selection."""
 
 Routes = Mapping[str, tuple[int, ...]]
-_ON_ITS_WAY = frozenset({Stage.STARTING, Stage.FLYING})
-_AWAY = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
+_ON_MISSION = frozenset({Stage.STARTING, Stage.FLYING})
+_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
 
 
 def may_leave_layers(context: Context) -> bool:
-    """Return whether vehicles leave their layers to inspect as asked."""
+    """Return whether vehicles leave their layers to inspect."""
     return context.setup.inspection.same_distance
 
 
 def find_layer_bound_vehicles(vehicles: Mapping[str, VehicleSetup]) -> frozenset[str]:
-    """Return who would not be known to have left the line when it is lost: its own failsafe is no return."""
+    """Return the vehicles without a returning failsafe: once lost, they are not certain to have left the line."""
     return frozenset(name for name, vehicle in vehicles.items() if not vehicle.returns)
 
 
 def is_line_occupied(context: Context, state: FleetState, now_s: float) -> bool:
-    """Return whether a vehicle that has left its mission may still be on the line, or on its way up from there."""
+    """Return whether a vehicle that has left its mission may still be on the line or climbing from it."""
     if not may_leave_layers(context):
         return False
     return any(_is_leaving_line(context, vehicle, now_s) for vehicle in state.vehicles.values())
 
 
 def line_clear_time_s(setup: FlightSetup, model: FlightModel, name: str) -> float:
-    """Return how long a vehicle takes from its stop on the line, or at a viewpoint, up to its own layer."""
-    return TURNS_S + (setup.looks.deepest_m + setup.layers.offset_m(name)) / model.performance.climb_m_s
+    """Return the time a vehicle takes from its stop on the line, or at a viewpoint, up to its layer."""
+    return RTL_STOP_S + (setup.looks.deepest_m + setup.layers.offset_m(name)) / model.performance.climb_m_s
 
 
 def _is_leaving_line(context: Context, vehicle: VehicleState, now_s: float) -> bool:
@@ -81,7 +81,7 @@ def _is_leaving_line(context: Context, vehicle: VehicleState, now_s: float) -> b
     if vehicle.fault is not None:
         since_s = max(since_s, vehicle.fault.detected_s)
     rises_s = line_clear_time_s(context.setup, context.pricing.models[vehicle.name], vehicle.name)
-    if now_s - since_s >= (rises_s if vehicle.stage is Stage.LOST else SEEN_UP_S):
+    if now_s - since_s >= (rises_s if vehicle.stage is Stage.LOST else CLIMB_TIMEOUT_S):
         return False
     left = _find_remaining_airway(context, vehicle)
     if left is None or not left.has_wall.any():
@@ -90,12 +90,12 @@ def _is_leaving_line(context: Context, vehicle: VehicleState, now_s: float) -> b
 
 
 def _has_left_mission(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle flies home from wherever it is; who is on its mission still has not been told."""
+    """Return whether a vehicle has left its mission to return; one still on it has not received the command."""
     return vehicle.stage is Stage.LOST or (vehicle.stage is Stage.RETURNING and not is_on_mission(context, vehicle))
 
 
 def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle that nobody hears must have landed: by its failsafe, or at the end of its mission."""
+    """Return whether a silent vehicle must have landed, by its failsafe or at the end of its mission."""
     board, fault, fix = vehicle.assignment.board, vehicle.fault, vehicle.motion.fix
     lost = vehicle.stage is Stage.LOST and context.vehicles[vehicle.name].returns
     if not lost or board is None or fault is None or fix is None:
@@ -107,7 +107,7 @@ def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bo
     if vehicle.assignment.sent_path is not None:
         legs = estimate(vehicle.assignment.sent_path, model).legs
         rest_s = max(rest_s, sum(leg.duration_s for leg in legs[vehicle.assignment.waypoint :]))
-    return now_s - fault.detected_s >= DOWN_FACTOR * max(home_s, rest_s) + DOWN_MORE_S
+    return now_s - fault.detected_s >= DOWN_FACTOR * max(home_s, rest_s) + DOWN_MARGIN_S
 
 
 def _is_in_its_layer(context: Context, vehicle: VehicleState) -> bool:
@@ -115,11 +115,11 @@ def _is_in_its_layer(context: Context, vehicle: VehicleState) -> bool:
     if fix is None:
         return False
     layer_m = context.setup.layers.height_m(vehicle.name, *fix.place_m)
-    return context.setup.up_m(vehicle.name, fix.alt_rel_m) >= layer_m - UP_M
+    return context.setup.up_m(vehicle.name, fix.alt_rel_m) >= layer_m - LAYER_MARGIN_M
 
 
-def _find_way_home(context: Context, vehicle: VehicleState, now_s: float) -> Airway | None:
-    """Return the straight way home of a vehicle that is seen to fly it; None for one of which it is not known."""
+def _find_return_airway(context: Context, vehicle: VehicleState, now_s: float) -> Airway | None:
+    """Return the straight return path of a vehicle seen flying it; None if that is not certain."""
     beat, fix, setup = vehicle.telemetry.heartbeat, vehicle.motion.fix, context.setup
     if vehicle.stage is not Stage.RETURNING or beat is None or fix is None or not _is_in_its_layer(context, vehicle):
         return None
@@ -133,18 +133,18 @@ def _find_way_home(context: Context, vehicle: VehicleState, now_s: float) -> Air
 
 
 def _find_remaining_airway(context: Context, vehicle: VehicleState) -> Airway | None:
-    """Return what a vehicle may fly of what it has, or may have, on board; None for one on the ground."""
+    """Return the path ahead on the missions a vehicle has, or may have, on board; None for one on the ground."""
     board, sent_path = vehicle.assignment.board, vehicle.assignment.sent_path
-    if board is None or vehicle.stage in _AWAY:
+    if board is None or vehicle.stage in _ON_GROUND:
         return None
     left = _build_airway_ahead(context, vehicle, board.path)
     return left if sent_path is None else _join_airways(left, _build_airway_ahead(context, vehicle, sent_path))
 
 
 def _build_airway_ahead(context: Context, vehicle: VehicleState, path: FlightPath) -> Airway:
-    """Return what is left of a path, with the way on which a vehicle comes to it that has turned back or was taken."""
+    """Return the rest of a path, with the leg that leads a vehicle off it back to it."""
     left, fix = build_airway(context.setup, path, vehicle.assignment.waypoint), vehicle.motion.fix
-    flies = vehicle.stage in _ON_ITS_WAY or vehicle.stage is Stage.LOST
+    flies = vehicle.stage in _ON_MISSION or vehicle.stage is Stage.LOST
     if fix is None or not flies or not len(left.legs_m):
         return left
     if place_distances_m(left.over_ground_m[:1], np.array([fix.place_m]))[0, 0] <= survivors.BESIDE_M:
@@ -158,7 +158,7 @@ def _build_airway_ahead(context: Context, vehicle: VehicleState, path: FlightPat
 def find_occupied_airways(
     context: Context, state: FleetState, offers: Iterable[Survivor], now_s: float
 ) -> list[Airway]:
-    """Return what may be flown whatever a re-plan says: by who takes no part in it, and what survivors finish first."""
+    """Return the paths that a re-plan cannot change: of vehicles outside it, and what survivors finish first."""
     kept = {offer.vehicle: offer for offer in offers}
     found = []
     for vehicle in state.vehicles.values():
@@ -166,17 +166,17 @@ def find_occupied_airways(
         if left is None or board is None:
             continue
         offer = kept.get(vehicle.name)
-        if offer is not None and vehicle.fault is None and vehicle.stage in _ON_ITS_WAY:
+        if offer is not None and vehicle.fault is None and vehicle.stage in _ON_MISSION:
             if offer.airborne:
-                # Who turns back on its way home ends the leg that it is on: a climb from the line to its end.
+                # A survivor that turns around while returning ends its present leg: a climb from the line to its end.
                 waypoint = vehicle.assignment.waypoint
                 begun = FlightPath(vehicle.name, board.path.waypoints[: max(offer.kept, waypoint + 1)])
                 found.append(_build_airway_ahead(context, vehicle, begun))
         elif _is_down_by_now(context, vehicle, now_s):
             continue
         elif _has_left_mission(context, vehicle) and not _is_leaving_line(context, vehicle, now_s):
-            # It is on its way home in its layer, from wherever it was.
-            home = _find_way_home(context, vehicle, now_s)
+            # It returns in its layer, from an unknown position.
+            home = _find_return_airway(context, vehicle, now_s)
             found.append(left.to_layer() if home is None else home)
         else:
             found.append(left)
@@ -186,7 +186,7 @@ def find_occupied_airways(
 def close_occupied_segments(
     context: Context, state: FleetState, offers: Sequence[Survivor], segments: Iterable[int], now_s: float
 ) -> tuple[Survivor, ...]:
-    """Return offers with what others close for them: segments that they cannot be given, and what they fly around."""
+    """Return offers with the segments barred by others' paths, and the obstacles to fly around."""
     if not may_leave_layers(context):
         return tuple(offers)
     taken = find_occupied_airways(context, state, offers, now_s)
@@ -217,7 +217,7 @@ def _close_for_offer(setup: FlightSetup, offer: Survivor, taken: Sequence[Airway
 
 
 def build_closed_setup(context: Context, offers: Iterable[Survivor]) -> FlightSetup:
-    """Return what new missions are made by: with what is closed for each of the survivors."""
+    """Return the flight setup for new missions, with each survivor's closed airspace."""
     closed = {offer.vehicle: offer.closed for offer in offers if offer.closed}
     return replace(context.setup, closed=closed) if closed else context.setup
 
@@ -225,7 +225,7 @@ def build_closed_setup(context: Context, offers: Iterable[Survivor]) -> FlightSe
 def choose_low_segments(
     context: Context, state: FleetState, plan: Replan, routes: Routes, now_s: float
 ) -> dict[str, frozenset[int]]:
-    """Return which segments of its new route each survivor inspects below its layer."""
+    """Return the segments of its new route that each survivor inspects below its layer."""
     setup, offers = build_closed_setup(context, plan.solve.survivors), plan.solve.survivors
     taken = find_occupied_airways(context, state, offers, now_s)
     begins_m: dict[str, tuple[float, float]] = {}
@@ -233,7 +233,7 @@ def choose_low_segments(
         vehicle = state.vehicles[offer.vehicle]
         board, path = vehicle.assignment.board, build_new_path(setup, vehicle, offer, routes[offer.vehicle])
         if board is not None and offer.airborne:
-            # Its tail may be flown until it has its new mission, which comes before those of who flies below it.
+            # The tail may be flown until the new mission is on board; uploads to vehicles below wait for that.
             tail = build_airway(setup, board.path, max(offer.kept, vehicle.assignment.waypoint))
             taken.append(replace(tail, for_now=True))
             if board.path.waypoints[offer.kept - 1].below_m > 0:
@@ -251,7 +251,7 @@ def build_new_path(
     visits: tuple[int, ...],
     low: frozenset[int] = frozenset(),
 ) -> FlightPath:
-    """Return a survivor's whole new path, with all that is new in its own layer but for the segments of `low`."""
+    """Return a survivor's whole new path; its new part is in the layer, except for the segments of `low`."""
     board = vehicle.assignment.board
     if not offer.airborne or board is None:
         return build_flight_path(setup, vehicle.name, visits, low)
@@ -259,9 +259,9 @@ def build_new_path(
 
 
 def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new: Airway) -> Airway:
-    """Return new legs with those that lead to them straight from anywhere on a way home that they cut short.
+    """Return new legs with the direct legs to them from any point of a return path that they cut short.
 
-    They spread out no farther than a layer, so that nothing fits in between from which another has to keep away.
+    The points are no farther apart than a layer, so that the gaps between the legs hold no other vehicle's airspace.
     """
     board, fix, waypoint = vehicle.assignment.board, vehicle.motion.fix, vehicle.assignment.waypoint
     if board is None or fix is None or waypoint != kept or not len(new.legs_m):
@@ -280,7 +280,7 @@ def _join_airways(one: Airway, other: Airway) -> Airway:
 
 
 def find_low_tail_segments(vehicle: VehicleState, offer: Survivor) -> frozenset[int]:
-    """Return which segments of its tail a survivor inspects below its layer by the mission on board."""
+    """Return the segments of a survivor's tail that the mission on board inspects below its layer."""
     board = vehicle.assignment.board
     if board is None or not offer.airborne:
         return frozenset()
@@ -290,7 +290,7 @@ def find_low_tail_segments(vehicle: VehicleState, offer: Survivor) -> frozenset[
 def find_mission_conflicts(
     context: Context, state: FleetState, plan: Replan, name: str, path: FlightPath, now_s: float
 ) -> tuple[frozenset[str], list[str]]:
-    """Return whose new missions that of `name` has to wait for, and in words what keeps it from being flown at all."""
+    """Return the vehicles for whose new missions this one has to wait, and in words the conflicts that rule it out."""
     offers = plan.solve.survivors
     offer = next((offer for offer in offers if offer.vehicle == name), None)
     new = build_airway(context.setup, path, 0 if offer is None else offer.kept)

@@ -1,4 +1,4 @@
-"""What a vehicle can offer to a re-plan: where it could begin, with what budget, in which hours, what it carries."""
+"""Build each vehicle's offer to a re-plan: start, budget, hours, and the visits it carries."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from planner import segment_of
 
 ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 QUANTUM_PCT = 1.0
-"""Batteries report whole percents: what is reported may be this much more than what is there."""
+"""Largest excess of a reported percentage, in whole percent."""
 BESIDE_M = 5.0
-"""Corners are cut by less, and positions are off by less."""
+"""Lateral distance beyond cut corners and position errors."""
 
 
 def find_barred_segments(context: Context, fleet: FleetState, vehicle: VehicleState) -> frozenset[int]:
-    """Return the segments that a vehicle cannot be given.
+    """Return the segments that a vehicle cannot get.
 
-    It has no camera that does what they, or a day, ask for, or another one alone flies them.
+    It has no camera for them, by site or day, or they are locked to another vehicle.
     """
     return find_blind_segments(context, vehicle) | find_locked_segments(context, fleet, vehicle)
 
 
 def find_blind_segments(context: Context, vehicle: VehicleState) -> frozenset[int]:
-    """Return the segments that a vehicle has no camera for, as they, or a day, ask for it."""
+    """Return the segments for which a vehicle has no camera, by site or day."""
     by_day = frozenset[int]() if context.day is None else context.day.barred.get(vehicle.name, frozenset())
     return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
 
 
 def find_locked_segments(context: Context, fleet: FleetState, vehicle: VehicleState) -> frozenset[int]:
-    """Return the segments that another vehicle alone flies, and still may; what one carries all the same it may fly."""
+    """Return the segments locked to another vehicle still in the plan; those on board already stay allowed."""
     if not context.pricing.locked:
         return frozenset()
     others = [other for other in fleet.vehicles.values() if other.name != vehicle.name]
@@ -55,14 +55,14 @@ def find_locked_segments(context: Context, fleet: FleetState, vehicle: VehicleSt
 
 
 def is_gone(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle is lost or out of the plan: others are given what it alone was."""
+    """Return whether a vehicle is lost or out of the plan: its locks are lifted."""
     taken, stays = vehicle.custody.taken, vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
     left = vehicle.stage in {Stage.RETURNING, Stage.DOWN, Stage.LOST} or (taken is not None and taken.given_away)
     return vehicle.fault is not None or vehicle.orders.excluded or left or stays
 
 
 def find_takeoff_obstacles(context: Context, fleet: FleetState, vehicle: VehicleState) -> dict[IntentReason, Reason]:
-    """Return by code what keeps a vehicle on the ground from any take-off, the most important first."""
+    """Return by code the obstacles to a take-off from the ground, the most important first."""
     setup, fix, left_pct = current_setup_of(context, vehicle), vehicle.motion.fix, vehicle.power.battery.remaining_pct
     found: list[Reason] = []
     if vehicle.sensors.tilted_since_s is not None:
@@ -78,26 +78,26 @@ def find_takeoff_obstacles(context: Context, fleet: FleetState, vehicle: Vehicle
 
 
 def is_heard(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle says anything now."""
+    """Return whether a vehicle is received now."""
     return vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
 
 
 def is_out_of_plan(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle is given nothing until the crew, or the vehicle, says otherwise."""
+    """Return whether a vehicle gets no segments until the crew, or the vehicle itself, changes that."""
     orders, known = vehicle.orders, vehicle.assignment
     out = vehicle.fault is not None or known.stubborn or orders.excluded or orders.held_s is not None
     return out or known.carried.may_be_foreign() or vehicle.turn.asked_s is not None
 
 
 def build_survivors(context: Context, state: FleetState, now_s: float) -> tuple[Survivor, ...]:
-    """Return what all vehicles can offer to a re-plan, each within its hours."""
+    """Return the offers of all vehicles to a re-plan, each within its hours."""
     offers = (build_survivor(context, state, vehicle, now_s) for vehicle in state.vehicles.values())
     return tuple(limit_to_hours(context, state, offer, now_s) for offer in offers if offer)
 
 
 def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now_s: float) -> Survivor | None:
-    """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
-    # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
+    """Return a vehicle's offer to a re-plan; None if it cannot get a new mission now."""
+    # A silent vehicle may be lost in a moment: its part would be planned twice.
     heard = is_heard(context, state, now_s) and not state.link.stale
     if is_out_of_plan(state) or not heard or state.power.battery.remaining_pct is None:
         return None
@@ -116,11 +116,13 @@ def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now
         place_m, alt_rel_m = board.places_m[kept - 1], board.path.waypoints[kept - 1].alt_rel_m
         spent_pct = legs.energy_to_reach_pct(state, kept - 1)
     else:
-        place_m, alt_rel_m, spent_pct = fix.place_m, fix.alt_rel_m, _turn_energy_pct(context, state, kept)
+        # It flies on until the new mission is on board, and back again.
+        on = min(1.0, context.horizon_s / legs.time_to_reach_s(state, kept))
+        place_m, alt_rel_m, spent_pct = fix.place_m, fix.alt_rel_m, 2.0 * on * legs.energy_to_reach_pct(state, kept)
     spent_pct *= account.consumption_factor(state.power.battery)
     offer = _build_offer(context, fleet, state, place_m, spent_pct, airborne=True, kept=kept)
     facing_m = (0.0, 0.0)
-    if kept > 1:  # along the last leg that stays, or the one before that which is replaced while it is flown
+    if kept > 1:  # along the last leg kept, or the one before a leg replaced in flight
         (east_m, north_m), before_m = board.places_m[kept - 1], board.places_m[kept - 2]
         facing_m = (east_m - before_m[0], north_m - before_m[1])
     low = kept > 0 and board.path.waypoints[kept - 1].below_m > 0
@@ -129,25 +131,19 @@ def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now
     return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
 
 
-def _turn_energy_pct(context: Context, state: VehicleState, waypoint: int) -> float:
-    """Return what turning back costs a vehicle at most: it flies on until it has its new mission, and all that back."""
-    shares = context.horizon_s / legs.time_to_reach_s(state, waypoint)
-    return 2.0 * min(1.0, shares) * legs.energy_to_reach_pct(state, waypoint)
-
-
 def build_pad_survivor(context: Context, fleet: FleetState, state: VehicleState) -> Survivor:
-    """Return what a vehicle on the ground can offer, once it may take off."""
+    """Return the offer of a vehicle on the ground, once it may take off."""
     return _build_offer(context, fleet, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
 
 
 def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
-    """Return whether a vehicle has not flown past what it offered."""
+    """Return whether a vehicle has not flown past the start of its offer."""
     if vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.held_s is not None:
         return False
     if not offer.airborne:
         return vehicle.stage in ON_GROUND
     if vehicle.custody.cause is not ModeCause.OURS:
-        return False  # it has just left its mission: by a failsafe of its own, or a person took it
+        return False  # it has just left its mission, by a failsafe or a person
     board, waypoint = vehicle.assignment.board, vehicle.assignment.waypoint
     if board is None or vehicle.stage not in {Stage.FLYING, Stage.STARTING}:
         return False
@@ -156,7 +152,7 @@ def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
 
 
 def _is_flying_mission(context: Context, state: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle in the air says that it flies its mission: after an absence of ours it may not."""
+    """Return whether an airborne vehicle reports mission mode; after an absence of ours it may not."""
     beat = state.telemetry.heartbeat
     if beat is None or not has_fresh_heartbeat(context, state, now_s):
         return False
@@ -164,9 +160,9 @@ def _is_flying_mission(context: Context, state: VehicleState, now_s: float) -> b
 
 
 def may_take_off(context: Context, vehicle: VehicleState, now_s: float, within_s: float = CLEARED_S) -> bool:
-    """Return whether a vehicle on the ground may take off: the crew has cleared it lately, or need not be asked.
+    """Return whether a vehicle on the ground may take off: cleared recently, or no clearance needed.
 
-    The crew is asked where somebody has set a mode on it since it landed that only a person flies in.
+    A clearance is needed if a mode only a person flies in was set since it landed.
     """
     held = vehicle.stage is Stage.LANDED and is_in_manual_mode(context, vehicle)
     if context.fly_again is RelaunchPolicy.AUTO and not held:
@@ -175,11 +171,11 @@ def may_take_off(context: Context, vehicle: VehicleState, now_s: float, within_s
 
 
 def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
-    """Return how many waypoints must stay: the visit under way or flown to, and what is begun before an upload is over.
+    """Return the waypoints to keep: the visit under way or ahead, and those begun before an upload ends.
 
-    What a vehicle flies to is not replaced under it: ArduPilot takes items one by one, and its index runs ahead of
-    them where the one flown to is no waypoint any more. A way home may be, as what takes its place begins with a
-    waypoint too; but one that comes there from elsewhere, as its pilot gave it back, flies on to its end first.
+    The current item is not replaced in flight: ArduPilot takes items one by one, and its index runs ahead if the
+    current one is no waypoint any more. A return leg may be, as its replacement begins with a waypoint too; but a
+    vehicle off that leg, as returned by its pilot, finishes it first.
     """
     board = state.assignment.board
     if board is None:
@@ -188,7 +184,7 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
     kept = state.assignment.waypoint
     while kept < len(waypoints):
         if waypoints[kept].phase in {Phase.TAKEOFF, Phase.TRANSIT, Phase.INSPECT}:
-            # A visit is finished once it is flown to.
+            # A visit under way is finished.
             while waypoints[kept].phase is not Phase.INSPECT:
                 kept += 1
                 if waypoints[kept].phase in {Phase.RETURN, Phase.LAND}:
@@ -206,7 +202,7 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
 
 
 def _is_beside_leg(state: VehicleState) -> bool:
-    """Return whether a vehicle flies to its waypoint from another place than its mission does."""
+    """Return whether a vehicle flies to its waypoint from off its mission's leg."""
     board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
     if board is None or fix is None or not 0 < waypoint < len(board.places_m):
         return False
@@ -225,7 +221,7 @@ def _build_offer(
 ) -> Survivor:
     setup = current_setup_of(context, state)
     remaining = state.power.battery.remaining_pct or 0.0
-    # What is never touched is the reserve, so that it is the one that a rounded report is held against.
+    # The reserve is never touched, so the rounded report is compared with that.
     left = min(
         remaining - QUANTUM_PCT - setup.reserve_pct,
         setup.budget_pct - account.draw_since_start_pct(state.power.battery),
@@ -248,11 +244,11 @@ def find_remaining_hours(
 ) -> tuple[float, float | None]:
     """Return how long a vehicle may fly, and when it may again.
 
-    Hours that begin within `ahead_s` count as begun: a clearance may be so old at the take-off.
+    Hours that begin within `ahead_s` count as begun: a clearance may be that old at take-off.
 
     Returns:
-        The seconds until its hours end, infinite where nobody set any, and 0 outside them; and the seconds after the
-        launch at which its next ones begin, None if there are none.
+        The seconds until its hours end, infinite without any, 0 outside them; and the seconds after launch at which
+        its next ones begin, None if there are none.
     """
     day, launched_s = context.day, state.progress.launched_s
     if day is None:
@@ -263,15 +259,15 @@ def find_remaining_hours(
 
 
 def min_draw_pct(context: Context, seconds: float) -> float:
-    """Return what a flight draws in a time at least, in percent: nothing that draws no more lasts longer."""
+    """Return the least energy a flight of this time draws, in percent: a flight of that energy is no longer."""
     return seconds * min(context.draws_pct_s)
 
 
 def limit_to_hours(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Survivor:
-    """Return what a vehicle can offer to a re-plan that has it land within its hours.
+    """Return an offer limited to the vehicle's hours.
 
-    What it carries already it may go on with if that ends in time. One in the air was sent up for hours that are about
-    to begin, if they have not.
+    Visits it carries may continue if they end in time. A vehicle in the air may have been started for hours about to
+    begin.
     """
     left_s, _ = find_remaining_hours(context, state, offer.vehicle, now_s, ahead_s=CLEARED_S if offer.airborne else 0.0)
     if math.isinf(left_s):

@@ -1,6 +1,6 @@
-"""A vehicle leaves the plan: it will not finish its route, or a person has taken it, and may give it back.
+"""Withdraw a vehicle from the plan: at fault, or taken by a person, who may return it.
 
-One that is with its pilot, by mode switch, sticks or another ground station, is shown and waited for, not commanded.
+A vehicle with its pilot, by mode switch, sticks or another ground station, is displayed and waited for, not commanded.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.inflight import homing
 from executor.core.inflight.custody import mode_causes
-from executor.core.inflight.homing import HomingAction, is_on_mission
+from executor.core.inflight.homing import is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, HandsOff, Resume
 from executor.core.interface.messages import Actor
 from executor.core.lines import custody, pilot, replanning
@@ -25,21 +25,24 @@ from missions.autopilots.dialect import mode_name
 from planner import segment_of
 
 RETURNED_AFTER_S = 1.0
-"""So long it is on its mission again before anybody says so: a switch goes through other positions on its way."""
+"""Time on its mission before a return is reported: a switch passes other positions."""
 
 
 def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
-    """Declare a fault: the vehicle is brought home where it can be, and its segments are reassigned."""
+    """Declare a fault: the vehicle is returned if possible, and its segments are reassigned."""
     kind, why, now_s = fault.kind, fault.reason, fault.detected_s
-    left = _find_left_segments(state, vehicle)
+    flew = vehicle.remaining_visits() if vehicle.stage in {Stage.FLYING, Stage.STARTING, Stage.PILOT} else ()
+    left = frozenset(map(segment_of, flew)) - set(state.coverage.inspected)
     down = vehicle.sortie.armed_once and not vehicle.armed
+    stood = not vehicle.sortie.took_off or has_mission_ended(context, vehicle)
+    landed = stood and is_over_pad(context, vehicle) and not has_fallen(context, vehicle)
     commands: tuple[Command, ...] = ()
     if kind is FaultKind.LINK:
         stage, then = Stage.LOST, describe_last_position(context, vehicle, now_s)
     elif kind is FaultKind.DOWN:
-        stage, then = Stage.DOWN, ""  # its place is its reason
-    elif down and not _is_landed_at_home(context, vehicle):
-        # Where it comes to rest is said when it does.
+        stage, then = Stage.DOWN, ""  # its reason contains the position
+    elif down and not landed:
+        # The place where it comes to rest is reported then.
         stage, then = Stage.DOWN, describe_last_position(context, vehicle, now_s)
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
@@ -61,27 +64,11 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     return state, (replanning.LEAVES.say(parts="; ".join(part for part in parts if part)), *more, *commands)
 
 
-def _is_landed_at_home(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that has disarmed lies where, and as, a landed one does."""
-    stood = not vehicle.sortie.took_off or has_mission_ended(context, vehicle)
-    return is_over_pad(context, vehicle) and stood and not has_fallen(context, vehicle)
-
-
 def _describe_homing(context: Context, state: FleetState, name: str, now_s: float) -> str:
-    found = homing.advise_homing(context, state.vehicles[name], now_s)
-    match found.answer:
-        case HomingAction.RETURN:
-            return replanning.RTL_WAITS if state.vehicles[name].link.stale else replanning.RTL
-        case HomingAction.LAND:
-            return replanning.LANDS_ON_PAD
-        case _:
-            return found.words
-
-
-def _find_left_segments(state: FleetState, vehicle: VehicleState) -> frozenset[int]:
-    if vehicle.stage not in {Stage.FLYING, Stage.STARTING, Stage.PILOT}:
-        return frozenset()
-    return frozenset(segment_of(visit) for visit in vehicle.remaining_visits()) - set(state.coverage.inspected)
+    answer, words = homing.advise_homing(context, state.vehicles[name], now_s)
+    if answer == "return":
+        return replanning.RTL_WAITS if state.vehicles[name].link.stale else replanning.RTL
+    return replanning.LANDS_ON_PAD if answer == "land" else words
 
 
 def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -> str:
@@ -99,7 +86,7 @@ def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -
 
 
 def leave_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleState:
-    """Return a vehicle that does not fly its mission any more."""
+    """Return a vehicle that no longer flies its mission."""
     return replace(
         change_stage(vehicle, stage),
         orders=replace(vehicle.orders, ordered_mode_s=now_s, held_s=None, errand=None, cleared_s=None),
@@ -110,7 +97,7 @@ def leave_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleStat
 
 
 def withdraw_vehicle(state: FleetState, name: str, trigger: str, now_s: float) -> Stepped:
-    """Plan around a vehicle at once: a re-plan that is being solved counted on it, one that is put on board goes on."""
+    """Plan around a vehicle at once: cancel a solve that counted on it; uploads of a re-plan continue."""
     plan = state.replanning.replan
     solving = plan is not None and plan.solve_s is None
     before = [plan.solve.trigger] if plan is not None and solving and not plan.solve.sortie else []
@@ -125,10 +112,10 @@ def withdraw_vehicle(state: FleetState, name: str, trigger: str, now_s: float) -
 
 
 def apply_takeover(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
-    """Let go of a vehicle that a person has taken; its segments are kept for it for a while."""
+    """Release a vehicle that a person has taken; its segments are reserved for it for a while."""
     on_ground = vehicle.stage in {Stage.GROUND, Stage.LANDED}
     had_work = vehicle.stage in {Stage.FLYING, Stage.STARTING} and bool(vehicle.remaining_visits())
-    # Another station's mission is flown in the mode that ours was.
+    # Another station's mission is flown in the same mode as ours.
     since_s = max(vehicle.telemetry.mode_since_s, vehicle.assignment.carried.foreign_s or 0.0)
     since_s = since_s if vehicle.custody.taken is None else vehicle.custody.taken.since_s
     hold = replace(vehicle.custody.taken or Takeover(since_s, given_away=not had_work), returned_s=None)
@@ -168,7 +155,7 @@ def _describe_new_controller(context: Context, vehicle: VehicleState) -> str:
 
 
 def _cancel_solve_with(state: FleetState, name: str) -> Stepped:
-    """Plan anew without a vehicle if it is part of what is being solved; what goes on board already goes on."""
+    """Plan again without a vehicle that is part of a running solve; uploads continue."""
     plan = state.replanning.replan
     if plan is None or plan.solve_s is not None or name not in {offer.vehicle for offer in plan.solve.survivors}:
         return state, ()
@@ -176,7 +163,7 @@ def _cancel_solve_with(state: FleetState, name: str) -> Stepped:
 
 
 def monitor_taken_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Look at a vehicle that is with its pilot."""
+    """Monitor a vehicle with its pilot."""
     hold = vehicle.custody.taken or Takeover(now_s)
     if not vehicle.armed:
         return _apply_pilot_landing(context, state, vehicle, now_s)
@@ -215,7 +202,7 @@ def _reassign_segments(
 
 def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     fix = vehicle.motion.fix
-    # Who has landed may be switched off by its kill switch too.
+    # A landed vehicle may be switched off by its kill switch too.
     in_the_air = vehicle_position.has_used_kill_switch(context, vehicle) and vehicle.telemetry.on_ground is False
     lean = vehicle_position.describe_lean(vehicle) if vehicle.sortie.took_off else ""
     fell = bool(lean) or (fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air))
@@ -234,7 +221,7 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
         .with_sortie(place_told=bool(place) and not fell)
     )
     if fell:
-        # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
+        # A landing on a hill, or motors stopped in the air: the position at that moment does not show which.
         line = pilot.FELL
     elif place:
         line = pilot.LANDED_AWAY
@@ -251,9 +238,9 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
 
 
 def take_back_from_pilot(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Take a vehicle back into the plan that its pilot has returned to its mission.
+    """Take a vehicle that its pilot has returned to its mission back into the plan.
 
-    Both autopilots forget the speed of a leg when the mode changes, so it is told that again.
+    Both autopilots drop the speed of a leg at a mode change, so it is sent again.
     """
     modes = context.vehicles[vehicle.name].dialect.modes
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0

@@ -1,1 +1,1 @@
-"""After a time in which nobody listened: what became of everything meanwhile."""
+"""Resume after a loss of contact: infer what happened meanwhile."""

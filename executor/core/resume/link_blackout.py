@@ -1,13 +1,13 @@
-"""A time in which a vehicle, or nobody, was heard, or nobody listened: what was flown meanwhile, and how long one can.
+"""Infer the segments flown during a time without contact, and how long a vehicle can have stayed in the air.
 
-The ground's own radio ends no flight. While nobody at all is heard nothing is held against anybody, until the battery
-of each would be empty; a vehicle whose link is regained is taken up where it is, with what it flew.
+The ground station's own radio ends no flight. While no vehicle is received, none is declared lost until its battery
+would be empty; a vehicle whose link is regained resumes where it is, with the segments it flew.
 
-A segment that was seen counts by its positions. Of one that nobody saw there is this evidence: the vehicle's own clock
-ran on; it was on the mission that we know before and after; it is now where that mission leads in just that time; and
-no segment can have been flown too fast without making it early. Then the segment counts, and is marked as inferred.
-Anything that does not fit makes the whole time worth nothing, and the segments are flown again. It is one rule for a
-gap in one vehicle's positions, for a silence of all, and for a flight that is taken up again.
+Observed segments count by their positions. For an unobserved one the evidence is: the vehicle's clock advanced; it was
+on the same known mission before and after; it is now where that mission leads in just that time; and no segment can
+have been flown too fast without making it early. Then the segment counts, marked as inferred. If anything does not fit,
+nothing of that time counts, and the segments are flown again. The same rule covers a gap in one vehicle's positions, a
+silence of all, and a resumed flight.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission
 from missions.geometry import locate_on_leg
 from planner import segment_of
 
-CATCH_UP_S = 5.0
-"""So long a vehicle whose link is regained has to say where it is, in which mode, on which item."""
-ENDURES = 1.5
-"""Nobody flies longer than this many times what the energy model makes of its battery."""
-INDEX_S = 1.0
-"""Between two reports of the index."""
+REPORT_TIMEOUT_S = 5.0
+"""Time a vehicle has after its link is regained to report position, mode and item."""
+ENDURANCE_FACTOR = 1.5
+"""Bound on the endurance, as a factor on the energy model's."""
+INDEX_INTERVAL_S = 1.0
+"""Interval of the index reports."""
 ENERGY_TOLERANCE = 0.15
-"""How far a landed vehicle's use may be from what its mission should have cost: take-off and descent are estimates."""
+"""Relative tolerance of a landed vehicle's consumption; take-off and descent are estimates."""
 ENERGY_TOLERANCE_PCT = 2.0
-"""Two reports, each rounded, and the level flight to the pad."""
+"""Absolute tolerance: two rounded reports, and the level flight to the pad."""
 
 
 def record_blackout(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
-    """Keep where all vehicles were when all links were lost: a run with such a gap proves nothing."""
+    """Save the progress of all vehicles when all links are lost: a run across such a gap proves nothing."""
     since_s = state.listening.silent_since_s
     if since_s is None or now_s - since_s < GAP_S:
         return state, ()
@@ -58,23 +58,23 @@ def record_blackout(context: Scene, state: FleetState, now_s: float) -> Stepped:
 
 
 def max_remaining_flight_s(context: Scene, vehicle: VehicleState) -> float:
-    """Return how long a vehicle can fly at most from when it was heard last."""
+    """Return the longest possible flight time since a vehicle was last received."""
     percent = vehicle.power.battery.remaining_pct
-    return ENDURES * (100.0 if percent is None else percent) / min(context.draws_pct_s)
+    return ENDURANCE_FACTOR * (100.0 if percent is None else percent) / min(context.draws_pct_s)
 
 
 def may_be_airborne(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle that is not heard may still be in the air."""
+    """Return whether a vehicle without contact may still be in the air."""
     return vehicle.link.spoke_s is not None and now_s - vehicle.link.spoke_s < max_remaining_flight_s(context, vehicle)
 
 
 def recover_after_silence(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
-    """Take up a vehicle whose link, or position, is regained; None as long as it has not said enough."""
+    """Resume a vehicle whose link or position is regained; None until it has reported enough."""
     before, board, fix = vehicle.assignment.before, vehicle.assignment.board, vehicle.motion.fix
     if before is None:
         return state, ()
     since_s = before.until_s
-    asked = math.isinf(since_s)  # after a restart it was asked already
+    asked = math.isinf(since_s)  # after a restart it was read already
     if asked or fix is None or vehicle.link.heartbeat_s is None or board is None:
         return state.put(vehicle.with_assignment(before=None)), ()
     again_s = since_s if vehicle.link.regained_s is None else max(since_s, vehicle.link.regained_s)
@@ -83,11 +83,11 @@ def recover_after_silence(context: Context, state: FleetState, vehicle: VehicleS
     said = fix.at_s > since_s and vehicle.link.heartbeat_s > since_s
     item = vehicle.telemetry.item_s is not None and vehicle.telemetry.item_s > since_s
     given = vehicle.assignment.pending is not None or vehicle.assignment.stubborn
-    if given:  # what it carries now is known when that is over
+    if given:  # its mission is known once that ends
         return state.put(_close_gap(vehicle, board)), ()
     if said and (item or not vehicle.armed or not is_on_mission(context, vehicle)):
         return catch_up_mission(context, state, vehicle, board, None)
-    if now_s - again_s < CATCH_UP_S:
+    if now_s - again_s < REPORT_TIMEOUT_S:
         return None
     return state.put(_close_gap(vehicle, board)), ()
 
@@ -95,15 +95,15 @@ def recover_after_silence(context: Context, state: FleetState, vehicle: VehicleS
 def catch_up_mission(
     context: Context, state: FleetState, vehicle: VehicleState, board: OnboardMission, seq: int | None
 ) -> Stepped:
-    """Take a vehicle on its mission for where it is now, with what it flew on its way there since `before`.
+    """Resume a vehicle on its mission at its present position, with the segments flown since `before`.
 
-    It carries `board`, and flies to the item `seq`; None where its state has that.
+    It carries `board` and flies to item `seq`; None if its state already has that.
     """
     waypoint = vehicle.assignment.waypoint
     if seq is not None and 0 <= seq < len(board.waypoint_of):
         waypoint = board.waypoint_of[seq] or waypoint
     found = infer_coverage(context, vehicle, board, waypoint)
-    # What it began meanwhile at the first pylon, and was seen to begin, needs no evidence.
+    # A run that began meanwhile at the first pylon, and was observed to begin, needs no inference.
     joins = None if vehicle.assignment.run is not None else found.joins
     proven = {board.tracks[joins].segment} if joins is not None else set()
     vehicle = _close_gap(vehicle, board, {*found.segments, *proven}, told=bool(found.why_not))
@@ -130,9 +130,9 @@ def catch_up_mission(
 def _close_gap(
     vehicle: VehicleState, board: OnboardMission, counted: Collection[int] = (), *, told: bool = False
 ) -> VehicleState:
-    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it is `counted` all the same.
+    """Return a vehicle with its gap judged: the run it interrupted is broken, unless its segment is `counted`.
 
-    Why the others do not count may be `told` already.
+    With `told` the reason for the others has been reported already.
     """
     known, before, fix = vehicle.assignment, vehicle.assignment.before, vehicle.motion.fix
     vehicle = vehicle.with_assignment(before=None)
@@ -148,33 +148,30 @@ def _close_gap(
 
 @dataclass(frozen=True, slots=True)
 class InferredCoverage:
-    """What is taken to have been flown."""
+    """The segments inferred as flown."""
 
     segments: tuple[int, ...] = ()
-    """From end to end, in their order."""
+    """From end to end, in order."""
     joins: int | None = None
-    """The visit under way now, if its beginning is taken to have been flown as well."""
+    """The visit under way, if its beginning is inferred too."""
     run: InspectionRun | None = None
-    """That visit's run."""
+    """The run of that visit."""
     why_not: str = ""
-    """What does not fit, in words; empty if everything does."""
-
-
-NOTHING = InferredCoverage()
+    """What does not fit, in words; empty if all does."""
 
 
 def infer_coverage(context: Context, state: VehicleState, board: OnboardMission, waypoint: int) -> InferredCoverage:
-    """Return what a vehicle inspected between the last position before the silence and its newest one.
+    """Return the segments inspected between the last position before the silence and the newest one.
 
-    Its link is regained, it was found to carry `board`, and is on the leg to a waypoint of that.
+    Its link is regained, it was found to carry `board`, and it is on the leg to one of its waypoints.
     """
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
-        return NOTHING
-    waits = not state.armed and state.orders.start_owed_s is not None  # it was not told to start yet
+        return InferredCoverage()
+    waits = not state.armed and state.orders.start_owed_s is not None  # not yet commanded to start
     ahead = board.path.waypoints[before.waypoint + 1 : (waypoint if state.armed else len(board.legs)) + 1]
     if waits or (before.run is None and not any(point.phase is Phase.INSPECT for point in ahead)):
-        return NOTHING
+        return InferredCoverage()
     if not context.infers:
         return InferredCoverage(why_not=resume.ASKS_FOR_PROOF)
     if fix.boot_s <= before.fix.boot_s:
@@ -191,20 +188,20 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
 def _infer_in_flight(
     context: Context, before: LastKnown, fix: PositionFix, board: OnboardMission, waypoint: int, pace: Pace
 ) -> InferredCoverage:  # fmt: skip
-    """Look at a vehicle in the air that is where its mission leads: whether it took the time for it."""
+    """Compare the time a vehicle in the air took to its position on the mission with the model's."""
     elapsed_s = fix.boot_s - before.fix.boot_s
     visits = _select_passed_visits(before, board, waypoint)
     point, unbegun = board.path.waypoints[waypoint], waypoint == before.waypoint and before.run is None
     joins = None if point.phase is not Phase.INSPECT or unbegun else point.visit
     if not visits and joins is None:
-        return NOTHING
+        return InferredCoverage()
     expected_s = _estimate_rest(board, before.waypoint, before.fix, pace)[0]
     expected_s -= _estimate_rest(board, waypoint, fix, pace)[0]
     tolerance_s = _tolerance_s(context, board, (*visits, *(() if joins is None else (joins,))))
     early_s = tolerance_s
     if waypoint == before.waypoint:
-        # A part of one segment between two known places: how fast it was flown is known as well, as it is by positions.
-        # Its share of the segment's time is no measure: that has the hold in it, and the ramps at both ends.
+        # Part of one segment between two known positions: its speed is known as well as by a run. Its share of the
+        # segment's time is no measure, as that includes the hold and the ramps at both ends.
         between_m = math.dist(before.fix.place_m, fix.place_m)
         early_s = expected_s - (between_m - NOISE_M) / (SPEED_FACTOR * context.inspection_speed_m_s)
     if not -early_s <= elapsed_s - expected_s <= tolerance_s:
@@ -232,7 +229,7 @@ def _describe_deviation(
 
 
 def _describe_interference(state: VehicleState, since_s: float) -> str:
-    """Return what else happened to a vehicle than that it flew its mission; empty if nothing did."""
+    """Return in words what else happened to a vehicle than its mission; empty if nothing."""
     if state.custody.taken is not None or state.custody.cause is ModeCause.PERSON:
         return resume.IN_OTHER_HANDS
     if state.assignment.carried.may_be_foreign():
@@ -243,7 +240,7 @@ def _describe_interference(state: VehicleState, since_s: float) -> str:
 def _infer_after_landing(
     context: Context, state: VehicleState, before: LastKnown, fix: PositionFix, board: OnboardMission
 ) -> InferredCoverage:
-    """Look at a vehicle that is on the ground again: when it landed nobody knows, but what it used tells how far."""
+    """Judge a landed vehicle by its consumption; the time of its landing is unknown."""
     elapsed_s = fix.boot_s - before.fix.boot_s
     if why_not := _describe_other_landing(context, state, before, fix):
         return InferredCoverage(why_not=why_not)
@@ -261,7 +258,7 @@ def _infer_after_landing(
 
 
 def _describe_other_landing(context: Context, state: VehicleState, before: LastKnown, fix: PositionFix) -> str:
-    """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
+    """Return in words how a vehicle may have landed other than by its mission; empty if in no other way."""
     setup = context.vehicles[state.name]
     if setup.pad_distance_m(fix.place_m) > context.limits.off_pad_m:
         return resume.OFF_PAD
@@ -270,13 +267,13 @@ def _describe_other_landing(context: Context, state: VehicleState, before: LastK
     if is_manual_mode(setup.dialect, state.mode):
         return resume.PILOT_LANDED
     if setup.failsafe_s is not None and fix.boot_s - before.fix.boot_s >= setup.failsafe_s:
-        # PX4 goes back to its mission mode once it has disarmed, however it came home.
+        # PX4 returns to mission mode once disarmed, however it landed.
         return resume.FAILSAFE_LANDED
     return _describe_interference(state, before.fix.at_s)
 
 
 def _select_passed_visits(before: LastKnown, board: OnboardMission, waypoint: int) -> tuple[int, ...]:
-    """Return the visits that end before the leg under way, without one whose beginning is known not to count."""
+    """Return the visits that end before the present leg, without one whose start is known not to count."""
     begun = None if before.run is None else before.run_visit
     return tuple(
         point.visit
@@ -286,21 +283,21 @@ def _select_passed_visits(before: LastKnown, board: OnboardMission, waypoint: in
 
 
 def _tolerance_s(context: Context, board: OnboardMission, visits: tuple[int, ...]) -> float:
-    """Return how far a time may be off: less than any one of the segments flown too fast would make it.
+    """Return the time tolerance: less than any of the segments flown too fast would save.
 
-    Their holds, and what it takes to reach their speed and to lose it, are as long at any speed, or longer.
+    Holds, acceleration and deceleration take at least as long at any speed.
     """
     shortest_m = min((board.tracks[visit].length_m for visit in visits), default=0.0)
     performance = context.pricing.models[board.path.vehicle].performance
     usual_s, fast_s = performance.level.rest_s(
         np.full(2, shortest_m), context.inspection_speed_m_s * np.array((1.0, SPEED_FACTOR))
     )
-    # A stop at either end of the time has no place that tells how much of it is over.
-    return max(performance.settle_s + performance.hold_s + INDEX_S, float(usual_s - fast_s))
+    # A stop at either end of the time has no position that shows how much of it has passed.
+    return max(performance.settle_s + performance.hold_s + INDEX_INTERVAL_S, float(usual_s - fast_s))
 
 
 def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> tuple[float, float]:
-    """Return how long the rest of a mission takes from a place on one of its legs, and what it costs in percent."""
+    """Return the time of the rest of a mission from a position on one of its legs, and its energy in percent."""
     points, legs = board.path.waypoints[waypoint:], board.legs[waypoint:]
     factors = [pace.factor_of(point.phase) for point in points]
     factors[0] *= remaining_leg_share(board, waypoint, fix)
@@ -309,5 +306,5 @@ def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace:
 
 
 def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:
-    """Return how far beside the leg to a waypoint a place lies."""
+    """Return the lateral distance of a place from the leg to a waypoint."""
     return locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]

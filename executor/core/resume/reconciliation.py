@@ -1,7 +1,7 @@
-"""A flight taken up again: what became of everything that was under way when the ground station went away.
+"""Reconcile a resumed flight: complete what was under way when the ground station went away.
 
-The log says what was decided; the vehicles say what they carry and where they are. Where the two do not agree, what is
-on board holds, as long as it is one of the missions that were decided.
+The log has the decisions; the vehicles report their missions and positions. Where they disagree, the mission on board
+holds, provided it is one that was decided.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard
 from missions import MissionItem, count_common_items, encode
 from planner import segment_of
 
-FLOWN_PCT = 3.0
-"""A vehicle on the ground that has used more than this since it was told to start has flown."""
+FLOWN_CHARGE_PCT = 3.0
+"""Charge used since the start command above which a vehicle on the ground has flown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Resumption:
-    """What is to be done once everybody, or one vehicle, was asked."""
+    """The step that follows once all vehicles, or one, were read."""
 
     state: FleetState
     commands: tuple[Command, ...] = ()
     ended: tuple[Event, ...] = ()
-    """What came to its end while nobody listened, as if it were heard now."""
+    """Events that ended during the absence, as if received now."""
     strange: tuple[tuple[str, str], ...] = ()
-    """(vehicle, why) of those that cannot be left on what they carry."""
+    """(vehicle, reason) of those whose mission on board must not continue."""
     again: tuple[Command, ...] = ()
-    """Of one vehicle: what sends the rest of a mission, if it is still wanted."""
+    """For one vehicle: the commands that resend a mission, if it is still wanted."""
 
 
 def apply_reopening(state: FleetState, event: Reopened, now_s: float) -> Stepped:
-    """Begin to listen again: nothing of the time in between is held against anybody."""
+    """Start listening again; no time-out counts the absence."""
     for vehicle in state.vehicles.values():
         state = state.put(
             replace(vehicle, watches=())
@@ -70,9 +70,9 @@ def apply_reopening(state: FleetState, event: Reopened, now_s: float) -> Stepped
 def compare_onboard_mission(
     context: Context, state: FleetState, name: str, items: Sequence[MissionItem] | None, seq: int | None
 ) -> Found:
-    """Compare what was read from a vehicle that answers with every mission that it may have been given by the log.
+    """Compare the items read from a vehicle with every mission that the log may have given it.
 
-    `items` are on board, None if they could not be read; it flies to the one of number `seq`.
+    `items` are on board, None if unreadable; `seq` is its current item.
     """
     given, plan, dialect = state.vehicles[name].assignment, state.replanning.replan, context.vehicles[name].dialect
     boards = (given.board, None if given.declined is None else given.declined.maybe)
@@ -88,7 +88,7 @@ def compare_onboard_mission(
 
 
 def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> FleetState:
-    """Plan again for those who waited for others' new missions: by now these may have flown past everything."""
+    """Plan again for vehicles that wait for others' new missions: the paths may be out of date by now."""
     for route in plan.unmade:
         if route.vehicle in plan.pending:
             state, plan, _ = replan_cycle.drop_late_mission(state, plan, route.vehicle, replanning.FLEW_ON, now_s)
@@ -96,11 +96,11 @@ def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> Fle
 
 
 def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
-    """Take up every vehicle where it is."""
+    """Resume every vehicle from its present state."""
     state = _correct_absence(state, event)
     plan = state.replanning.replan
     if plan is not None and plan.solve_s is None:
-        state = replan_cycle.request_replan_again(state, plan)  # the solver died with the ground station
+        state = replan_cycle.request_replan_again(state, plan)  # the solver ended with the ground station
     elif plan is not None and plan.unmade and plan.low:
         state = _drop_waiting_missions(state, plan, now_s)
     elif plan is not None and plan.unmade:
@@ -131,7 +131,7 @@ def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: flo
 
 
 def _correct_absence(state: FleetState, event: Resumed) -> FleetState:
-    """Take the vehicles' word for how long it was: their clocks ran on, ours may have been set."""
+    """Correct the length of the absence by the vehicles' clocks; the computer's may have been set."""
     heard = {found.vehicle for found in event.found if found.heard}
     gaps = [
         vehicle.motion.fix.boot_s - vehicle.assignment.before.fix.boot_s
@@ -147,9 +147,9 @@ def _correct_absence(state: FleetState, event: Resumed) -> FleetState:
 
 
 def _end_unanswered_upload(context: Context, state: FleetState, name: str) -> tuple[Event, ...]:
-    """Return the end of an upload to a vehicle that does not answer: nobody else waits for it.
+    """Return the end of an upload to a vehicle that does not answer, so that no other vehicle waits for it.
 
-    How much of it is on board nobody knows; PX4 at least has the whole of one of the two.
+    How much is on board is unknown; PX4 at least has one of the two missions whole.
     """
     plan = state.replanning.replan
     if plan is None or name not in plan.pending:
@@ -183,14 +183,14 @@ def _resume_vehicle(context: Context, state: FleetState, found: Found, now_s: fl
 
 
 def _finish_upload(context: Context, state: FleetState, plan: Replan, found: Found, now_s: float) -> Resumption:
-    """Bring an upload to its end that was under way, or about to begin, or over without our knowing."""
+    """Complete an upload that was under way, about to begin, or over without our knowledge."""
     vehicle, mission = state.vehicles[found.vehicle], plan.missions[found.vehicle]
     revision = plan.solve.revision
     new = found.match_of(revision)
     board = vehicle.assignment.board
     said: tuple[Command, ...] = ()
     if new is not None and new.whole:
-        # Its fence went on board before it.
+        # Its fence was uploaded before it.
         fenced = mission.fence is not None
         ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason="", fenced=fenced),)
         if not mission.fresh:
@@ -207,22 +207,22 @@ def _finish_upload(context: Context, state: FleetState, plan: Replan, found: Fou
     elif (
         not mission.fresh and new is not None and _is_at_end_of_new_part(found, new) and is_on_mission(context, vehicle)
     ):
-        # In any other mode its own failsafe knows better: a landing must not become a flight home.
+        # In any other mode its own failsafe takes precedence: a landing must not become a return flight.
         return _return_stranded_vehicle(context, state, found, mission, revision, now_s)
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
         over = UploadEnded(found.vehicle, revision, False, True, resume.PAST_NEW_PART, Ending.READ_BACK_DIFFERS)
         return Resumption(state, ended=(over,))
     state = state.put(state.vehicles[found.vehicle].with_assignment(before=None))
-    # Whether its wider fence is on board nobody knows: the same goes there again, and then the mission.
+    # Whether the wider fence is on board is unknown: upload it again, then the mission.
     again = Upload(found.vehicle, revision, mission.path, not mission.fresh, mission.fence)
     return Resumption(state, said, again=(resume.UPLOADED_AGAIN.say(vehicle=found.vehicle, revision=revision), again))
 
 
 def _is_at_end_of_new_part(found: Found, new: Match) -> bool:
-    """Return whether a vehicle flies to the last item of a new mission's beginning, or hovers there.
+    """Return whether a vehicle flies to the last item common with the new mission, or hovers there.
 
-    ArduPilot says then that its mission is complete: what is put on board later moves nothing, and what could move it
-    again begins the whole list anew. Item 0 is its home, which it never flies to, and what it says after an end.
+    ArduPilot then reports its mission complete: a later upload does not move it, and a command that would starts the
+    list from the beginning. Item 0 is home, never flown to, and is reported after the end.
     """
     return found.items == new.alike and found.seq is not None and (found.seq == 0 or found.seq >= new.alike - 1)
 
@@ -230,7 +230,7 @@ def _is_at_end_of_new_part(found: Found, new: Match) -> bool:
 def _return_stranded_vehicle(
     context: Context, state: FleetState, found: Found, mission: NewMission, revision: int, now_s: float
 ) -> Resumption:
-    """Bring a vehicle home whose mission was cut short by our death: it is well, and may fly again."""
+    """Return a vehicle to its pad whose mission was cut short by our absence: it is sound, and may fly again."""
     vehicle = state.vehicles[found.vehicle]
     board = build_onboard_mission(context, found.vehicle, revision, mission.path, mission.visits)
     state, said = catch_up_mission(context, state, vehicle, board, found.seq)
@@ -244,7 +244,7 @@ def _return_stranded_vehicle(
 def _resend_mission(
     context: Context, state: FleetState, found: Found, again: tuple[Command, ...], now_s: float
 ) -> Stepped:
-    """Send the rest of a mission, unless others have flown a part of it meanwhile and it can still be let go of."""
+    """Resend a mission, unless others have flown part of it meanwhile and the vehicle can be released."""
     name, plan = found.vehicle, state.replanning.replan
     if plan is None:
         return state, again
@@ -260,7 +260,7 @@ def _resend_mission(
 
 
 def _has_started(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that had been told to take off has done so, or is about to."""
+    """Return whether a vehicle commanded to take off has done so, or is about to."""
     fix = vehicle.motion.fix
     if not vehicle.armed or fix is None:
         return False
@@ -270,25 +270,25 @@ def _has_started(context: Context, vehicle: VehicleState) -> bool:
 def _handle_unstarted_vehicle(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, ours: bool
 ) -> Resumption:
-    """Look what became of a vehicle that had been told to take off, and is on the ground.
+    """Handle a vehicle that was commanded to take off, and is on the ground.
 
-    If what it carries is not `ours`, what it should fly, it waits for the next re-plan as others do.
+    If its mission is not `ours`, it waits for the next re-plan as others do.
     """
     name = vehicle.name
     vehicle = vehicle.with_assignment(before=None)
     state = state.put(vehicle)
     had_pct, has_pct = vehicle.power.began_pct, vehicle.power.battery.remaining_pct
     lost_pct = 0.0 if had_pct is None or has_pct is None else had_pct - has_pct
-    flown = not vehicle.armed and lost_pct > FLOWN_PCT
+    flown = not vehicle.armed and lost_pct > FLOWN_CHARGE_PCT
     if vehicle.armed and (context.fly_again is not RelaunchPolicy.AUTO or not ours):
-        # The crew's yes is from before: somebody may stand at the pad by now.
+        # The crew's clearance is from before: a person may be at the pad by now.
         return Resumption(state, strange=((name, resume.WAS_ARMED),))
     if context.fly_again is RelaunchPolicy.AUTO and ours and not flown:
         state = state.put(vehicle.with_orders(ordered_mode_s=now_s))
         return Resumption(state, (resume.TRIED_AGAIN.say(vehicle=name), Start(name)))
     said = (resume.HAS_FLOWN if flown else resume.STAYS).say(vehicle=name, lost_pct=lost_pct)
     plan = state.replanning.replan
-    # Nor is that yes one for a start that is planned from now on.
+    # It does not clear a start planned later either.
     state = state.put(change_stage(vehicle.with_orders(cleared_s=None), Stage.LANDED if flown else Stage.GROUND))
     if plan is None or name not in plan.pending:
         return Resumption(state, (said,))

@@ -1,1 +1,1 @@
-"""What is known of the vehicles and of the flight."""
+"""The state of the vehicles and of the flight."""

@@ -1,7 +1,7 @@
-"""At which base of a day each vehicle stands, where its mission ends, and the flight's pads as that has them.
+"""Track at which base of a day each vehicle stands and lands, and place the flight's pads accordingly.
 
-Each vehicle has a pad of its own at every base where its sorties begin or end, so nobody waits for a pad, and none is
-given twice. Its autopilot takes the pad where it is armed for its home: its heights count from there.
+Each vehicle has its own pad at every base where its sorties begin or end, so pads are neither waited for nor assigned
+twice. Its autopilot takes the pad where it arms as home: its heights count from there.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from missions import FlightSetup, Pad, Pricing
 
 
 def base_of(context: Context, vehicle: VehicleState) -> str:
-    """Return the base where a vehicle stands, or took off; empty where the flight is no day of sorties."""
+    """Return the base where a vehicle stands, or took off; empty if the flight is no day of sorties."""
     return vehicle.turn.base or ("" if context.day is None else context.day.bases.get(vehicle.name, ""))
 
 
 def landing_base_of(context: Context, vehicle: VehicleState) -> str:
-    """Return the base where a vehicle's mission ends; who has none to fly stays where it stands."""
+    """Return the base where a vehicle's mission ends; for one without a mission, the base where it stands."""
     idle = vehicle.stage in {Stage.GROUND, Stage.LANDED} and vehicle.turn.asked_s is None
     return (not idle and vehicle.turn.lands_at) or base_of(context, vehicle)
 
 
 def is_at_closed_base(context: Context, state: FleetState, vehicle: VehicleState) -> bool:
-    """Return whether the base is closed from which a vehicle takes off next: where it stands, or lands."""
+    """Return whether the base of a vehicle's next take-off is closed: where it stands, or will land."""
     stands = vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.STARTING}
     return (base_of if stands else landing_base_of)(context, vehicle) in state.crew.closed_bases
 
 
 def find_planned_landing(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> str:
-    """Return the base where a sortie, or what is left of it, ends; where the vehicle stands if it began elsewhere."""
+    """Return the base where the rest of a sortie ends; the vehicle's own if the sortie began elsewhere."""
     base, wanted = base_of(context, vehicle), set(visits)
     planned = (one.lands for one in vehicle.turn.ahead if wanted <= set(one.visits) and one.base in {"", base})
     return next(planned, "") or base
 
 
 def settle_at_base(context: Context, vehicle: VehicleState) -> VehicleState:
-    """Return a vehicle on the ground at the base on whose pad it stands; on none of them it is where it took off."""
+    """Return a vehicle on the ground with the base on whose pad it stands; on no pad, the base where it took off."""
     own, fix = {} if context.day is None else context.day.pads.get(vehicle.name, {}), vehicle.motion.fix
     if not own:
         return vehicle
@@ -55,7 +55,7 @@ def settle_at_base(context: Context, vehicle: VehicleState) -> VehicleState:
 
 
 def place_vehicles(context: Context, vehicles: Iterable[VehicleState]) -> Context:
-    """Return the context with the pads of the present: where each vehicle stands, or took off, and where it lands."""
+    """Return the context with the present pads: where each vehicle stands or took off, and where it lands."""
     day = context.day
     if day is None or not day.pads:
         return context
@@ -75,7 +75,7 @@ def place_vehicles(context: Context, vehicles: Iterable[VehicleState]) -> Contex
 
 @lru_cache(maxsize=64)
 def _move_pads(setup: FlightSetup, pricing: Pricing, moved: tuple[tuple[Pad, Pad], ...]) -> tuple[FlightSetup, Pricing]:
-    """Return heights and prices for other pads; every event asks, and they seldom change."""
+    """Return heights and prices for other pads; cached, as every event needs them and they seldom change."""
     homes = {home.vehicle: home for home, _ in moved}
     setup = replace(
         setup,

@@ -1,9 +1,9 @@
-"""Whether a segment was really inspected, judged by the recorded positions alone.
+"""Judge from recorded positions alone whether a segment was inspected.
 
-A segment counts when it was flown from one end to the other in one run, inside the corridor about the planned track and
-not faster than `SPEED_FACTOR` times the inspection speed. Mission indices are not asked: both autopilots skip and
-overwrite them, and ArduPilot flies a slow leg too fast after a pass-through corner. A position that is reckoned because
-GPS is lost is none: up to `GAP_S` without a fix is tolerated, as without any position, and more breaks the run.
+A segment counts when it was flown from end to end in one run, inside the corridor around the planned track and no
+faster than `SPEED_FACTOR` times the inspection speed. Mission indices do not count: both autopilots skip and overwrite
+them, and ArduPilot flies a slow leg too fast after a pass-through corner. A position dead-reckoned after GPS loss
+counts as none: up to `GAP_S` without a fix is tolerated, a longer time breaks the run.
 """
 
 from __future__ import annotations
@@ -16,27 +16,28 @@ from missions.geometry import locate_on_leg
 
 SPEED_FACTOR = 1.3
 END_TOLERANCE_M = 5.0
-"""How near to a pylon a run may begin and end: an acceptance radius of 2 m, a GPS fix, and a sample's way at 4 Hz."""
+"""Distance from a pylon within which a run may begin and end: acceptance radius 2 m, a GPS error, one sample at 4
+Hz."""
 GAP_S = 5.0
-"""A longer silence between two positions proves nothing about what was flown between them."""
+"""Longest gap between two positions that still proves what was flown between them."""
 SLOWED_GAP_S = 9.0
-"""The same while a vehicle behind a telemetry radio takes a mission of ours: ArduPilot then sends a position that comes
-five times a second every 8.8 s at the most (four times the interval, with 2 s for a buffer that is full)."""
+"""Longest gap while a vehicle behind a telemetry radio receives a mission: ArduPilot then sends a position that it
+sends five times a second at most every 8.8 s (four times the interval, and 2 s for a full buffer)."""
 SPEED_WINDOW_S = 2.0
-"""The speed is a mean over at least this time, so that the noise of two fixes is no overspeed."""
+"""Shortest averaging time of the speed, so that noise in two fixes is no overspeed."""
 NOISE_M = 1.0
-"""What two fixes may add to a run that is over before `SPEED_WINDOW_S`: a segment of a few metres."""
+"""Noise that two fixes may add to a run shorter than `SPEED_WINDOW_S`, over a segment of a few metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """The line to be flown for one visit, in its direction, in local metres."""
+    """The planned line of one visit, in its direction, in local metres."""
 
     segment: int
     begin_m: tuple[float, float]
     end_m: tuple[float, float]
     by_pictures: bool = False
-    """Whether pictures alone prove it: a pylon, which is flown around."""
+    """Whether pictures alone prove it, as for a pylon, which is circled."""
 
     @property
     def length_m(self) -> float:
@@ -44,11 +45,11 @@ class Track:
         return math.dist(self.begin_m, self.end_m)
 
     def locate(self, place_m: tuple[float, float]) -> tuple[float, float]:
-        """Return how far along the track a place lies, and how far beside or beyond it."""
+        """Return the distance of a place along the track, and its distance beside or beyond it."""
         return locate_on_leg(self.begin_m, self.end_m, place_m)
 
     def lateral_offset_m(self, place_m: tuple[float, float]) -> float:
-        """Return how far beside the track, or beside its continuation, a place lies."""
+        """Return the lateral distance of a place from the track or its extension."""
         along, away = self.locate(place_m)
         beyond = max(-along, along - self.length_m, 0.0)
         return math.sqrt(max(0.0, away**2 - beyond**2))
@@ -56,30 +57,30 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class PositionSample:
-    """Where the vehicle was by its own clock."""
+    """The vehicle's position at a time of its own clock."""
 
     boot_s: float
     place_m: tuple[float, float]
     speed_m_s: float | None = None
-    """Over ground, as it reports it; None if it does not."""
+    """Reported ground speed; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentPass:
-    """How a segment was flown, by the positions that prove it."""
+    """The figures of a flown segment, from the positions that prove it."""
 
     mean_m_s: float
     """Along the track, from the first pylon to the last."""
     max_m_s: float | None
-    """The highest ground speed that was reported meanwhile; None if none was."""
+    """Highest reported ground speed; None if none was reported."""
     deviation_mean_m: float
-    """From the planned track, sideways."""
+    """Lateral, from the planned track."""
     deviation_max_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class _RunStatistics:
-    """What a run was like so far."""
+    """Running statistics of a run."""
 
     began_s: float
     began_m: float
@@ -111,14 +112,14 @@ class InspectionRun:
 
     furthest_m: float
     recent: tuple[tuple[float, float], ...]
-    """(boot_s, along_m) of the last seconds, the oldest first."""
+    """(boot_s, along_m) of the last seconds, oldest first."""
     pace: _RunStatistics
 
 
 def join_run(track: Track, sample: PositionSample, speed_m_s: float) -> InspectionRun:
-    """Return the run of a vehicle that is found on a track, as if it had come from the first pylon at this speed.
+    """Return the run of a vehicle found on a track, as if flown from the first pylon at this speed.
 
-    Nobody saw that; who says so has other evidence for it.
+    The positions do not show it; the caller has other evidence.
     """
     along, _ = track.locate(sample.place_m)
     pace = _RunStatistics(sample.boot_s - max(0.0, along) / speed_m_s, 0.0).with_sample(
@@ -129,16 +130,16 @@ def join_run(track: Track, sample: PositionSample, speed_m_s: float) -> Inspecti
 
 @dataclass(frozen=True, slots=True)
 class RunStep:
-    """What one more position means for a visit."""
+    """The effect of one more position on a visit."""
 
     run: InspectionRun | None
     flown: SegmentPass | None = None
-    """How it was flown, once the run has come to the other pylon."""
+    """The figures of the segment, once the run has reached the other pylon."""
     broken: str = ""
     """Why a run ended before the other pylon."""
 
 
-def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
+def advance_run(  # noqa: PLR0911 - one return for each continuation or end of a run
     run: InspectionRun | None,
     track: Track,
     sample: PositionSample,
@@ -147,21 +148,21 @@ def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes 
     speed_m_s: float,
     longest_gap_s: float = GAP_S,
 ) -> RunStep:
-    """Carry a run on by one position.
+    """Advance a run by one position.
 
     Args:
         run: the run so far, None before the first pylon.
         track: the line, in the direction flown.
         sample: the new position; not older than the run's last.
         corridor_m: largest distance from the track.
-        speed_m_s: the inspection speed asked for.
-        longest_gap_s: after a longer silence nobody knows what was flown meanwhile.
+        speed_m_s: the inspection speed of the plan.
+        longest_gap_s: the longest gap between positions that keeps the run.
     """
     along, beside = track.locate(sample.place_m)
     tolerance = min(END_TOLERANCE_M, track.length_m / 4)
     inside = beside <= corridor_m
     if inside and along <= tolerance and (run is None or run.furthest_m <= tolerance):
-        # Still about the first pylon: the run begins when it leaves.
+        # Still at the first pylon: the run begins when the vehicle leaves it.
         begun = _RunStatistics(sample.boot_s, along).with_sample(sample, track.lateral_offset_m(sample.place_m))
         return RunStep(InspectionRun(along, ((sample.boot_s, along),), begun))
     if run is None:

@@ -1,9 +1,9 @@
-"""The legs of a mission on board: when each began and ended, what it took, and what those ahead will take.
+"""Record the flown legs of the mission on board, and predict the time and energy of those ahead.
 
-A leg ends when the vehicle goes on to the next waypoint, by its own report. As in a plan, the first one begins with the
-start of its motors, and the last one ends with their end on the ground. What is not heard, as in a silence, stays
-unknown. What was flown undisturbed tells of the vehicle: see `vehicle_learning`. What is left to spend, and to do, are
-the figures behind every battery decision.
+A leg ends when the vehicle reports the next waypoint. As in a plan, the first one begins with motor start, and the last
+one ends with motor stop on the ground. A boundary that was not received stays unknown. Undisturbed legs teach the
+vehicle's pace: see `vehicle_learning`. The energy left and the energy needed are the figures behind every battery
+decision.
 """
 
 from __future__ import annotations
@@ -24,30 +24,31 @@ from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import LegEstimate, Phase
 from planner import CLIMB_SHARE_PER_M_S, segment_of
 
-FAR, PLENTY_PCT = 3.0, 10.0
-"""With three times the way home and this much left there is no doubt: a factor is known to a third or better."""
-UPRIGHT_M = 1.0
-"""A leg that is shorter over the ground leads up or down."""
+FAR_FACTOR, PLENTY_PCT = 3.0, 10.0
+"""Multiple of the energy home, and battery left after it, beyond which the reserve is safe; consumption is known to a
+third or better."""
+VERTICAL_LEG_M = 1.0
+"""Ground length below which a leg counts as vertical."""
 
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
-    """Return how long the vehicle needs until the end of a waypoint's leg at its own pace; 0 if it has passed."""
+    """Return the time to the end of a waypoint's leg at the vehicle's own pace; 0 if it has passed."""
     pace, ahead = state.assignment.pace, _iterate_legs_ahead(state, waypoint)
     return sum((pace.factor_of(phase) * (share * leg.duration_s) for phase, leg, share in ahead), 0.0)
 
 
 def energy_to_reach_pct(state: VehicleState, waypoint: int) -> float:
-    """Return the energy of the same way by the model, in percent of a full battery.
+    """Return the energy to the end of a waypoint's leg by the model, in percent of a full battery.
 
-    With its pace, as who takes longer draws its power for longer, but without its consumption: that is a factor of
-    power, learned by velocities, and comes on top.
+    It includes the vehicle's pace, as a slower vehicle draws power for longer, but not its consumption factor: that is
+    learned from power at a velocity, and is applied on top.
     """
     pace, ahead = state.assignment.pace, _iterate_legs_ahead(state, waypoint)
     return sum((pace.factor_of(phase) * (share * leg.energy_pct) for phase, leg, share in ahead), 0.0)
 
 
 def _iterate_legs_ahead(state: VehicleState, waypoint: int) -> Iterator[tuple[Phase, LegEstimate, float]]:
-    """Yield the legs until the end of a waypoint's, each with its phase and the share of it that is left."""
+    """Yield the legs to the end of a waypoint's, each with its phase and its remaining share."""
     board, first, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
     if board is None or first > waypoint or first >= len(board.legs):
         return
@@ -58,7 +59,7 @@ def _iterate_legs_ahead(state: VehicleState, waypoint: int) -> Iterator[tuple[Ph
 
 
 def energy_to_finish_pct(state: VehicleState) -> float:
-    """Return what finishing the mission on board should cost, with what was learned of the vehicle's consumption."""
+    """Return the expected energy to finish the mission on board, with the vehicle's learned consumption."""
     if state.assignment.board is None:
         return 0.0
     return energy_to_reach_pct(state, len(state.assignment.board.legs) - 1) * account.consumption_factor(
@@ -67,9 +68,9 @@ def energy_to_finish_pct(state: VehicleState) -> float:
 
 
 def project_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Projection | None:
-    """Return what should be left after the mission on board, or after the way home where no mission is known.
+    """Return the expected charge after the mission on board, or after a return if no mission is known.
 
-    None while the battery has not reported, or nobody knows where it is.
+    None while the battery has not reported, or the position is unknown.
     """
     if state.power.battery.estimate is None:
         return None
@@ -88,21 +89,21 @@ def project_landing(context: Scene, state: VehicleState, setup: VehicleSetup) ->
 
 
 def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetup, floor_pct: float) -> float | None:
-    """Return the probability that less than `floor_pct` is left at the landing; None where nobody knows."""
+    """Return the probability of landing with less than `floor_pct`; None if unknown."""
     known = state.power.battery
     if known.estimate is not None and state.assignment.board is None and state.motion.fix is not None:
-        ahead_pct = FAR * known.estimate.factor * (energy_to_return_pct(context, state, setup) or 0.0)
+        ahead_pct = FAR_FACTOR * known.estimate.factor * (energy_to_return_pct(context, state, setup) or 0.0)
         if known.estimate.remaining_pct - ahead_pct > floor_pct + PLENTY_PCT:
-            return 0.0  # most of the time there is no question, and it is asked on every tick
+            return 0.0  # runs on every tick; usually far from the limit
     ahead = project_landing(context, state, setup)
     return None if ahead is None else ahead.chance_below(floor_pct)
 
 
 def energy_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetup) -> float | None:
-    """Return the energy of a return of its own from here, by the model; None without a place.
+    """Return the modelled energy of an RTL from here; None without a position.
 
-    As its autopilot flies it: up to the height of its return, straight home at that speed, and down. Who is over its
-    pad only has to come down.
+    As the autopilot flies it: climb to the RTL height, fly straight home at RTL speed, descend. A vehicle over its pad
+    only descends.
     """
     fix = state.motion.fix
     if fix is None:
@@ -129,9 +130,9 @@ def energy_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetu
 
 
 def _pace_uncertainty_pct(state: VehicleState, setup: VehicleSetup, waypoint: int) -> float:
-    """Return how far off the energy until the end of a waypoint's leg may be, as it is not known how long legs take.
+    """Return the uncertainty of the energy to the end of a waypoint's leg, from the uncertainty of its pace.
 
-    One standard deviation; what is not known of inspections and of transits is learned from legs of their own.
+    One standard deviation; inspections and transits are learned from separate legs, and their errors are independent.
     """
     learned = state.assignment.learned or setup.start
     inspect_pct = transit_pct = 0.0
@@ -144,32 +145,32 @@ def _pace_uncertainty_pct(state: VehicleState, setup: VehicleSetup, waypoint: in
 
 
 def remaining_leg_share(board: vehicle_parts.OnboardMission, waypoint: int, fix: vehicle_parts.PositionFix) -> float:
-    """Return how much of the leg to a waypoint lies before a vehicle at a place on it."""
+    """Return the share of the leg to a waypoint that is ahead of a position on it."""
     end, end_up_m = board.places_m[waypoint], board.path.waypoints[waypoint].alt_rel_m
     begin, begin_up_m = end, 0.0  # the climb from the pad
     if waypoint > 0:
         begin, begin_up_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
     length, left = math.dist(begin, end), math.dist(fix.place_m, end)
-    if length < UPRIGHT_M:
+    if length < VERTICAL_LEG_M:
         length, left = abs(end_up_m - begin_up_m), abs(end_up_m - fix.alt_rel_m)
-    return min(1.0, left / length) if length >= UPRIGHT_M else 1.0
+    return min(1.0, left / length) if length >= VERTICAL_LEG_M else 1.0
 
 
 _FLIES_MISSION = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT})
 REFILLED_PCT = 10.0
-"""A pack at rest recovers by less."""
+"""Largest recovery of a pack at rest."""
 
 
 def track_legs(
     before: VehicleState, state: VehicleState, now_s: float, start: LearnedFactors = UNKNOWN
 ) -> VehicleState:
-    """Return a vehicle after something was heard of where it is, with the legs that this begins and ends.
+    """Return a vehicle after a message about its progress, with the legs that it begins and ends.
 
     Args:
-        before: The vehicle before it was heard.
+        before: The vehicle before the message.
         state: The vehicle after it.
         now_s: Now.
-        start: What was known of its pace before it flew.
+        start: The learned factors before the flight.
     """
     assignment = state.assignment
     if assignment.board is None or state.stage not in _FLIES_MISSION:
@@ -179,7 +180,7 @@ def track_legs(
         first = assignment.waypoint == 0
         began = _build_leg_boundary(state, now_s)
         return replace(state, assignment=replace(assignment, leg_began=began)) if runs and first else state
-    if not state.armed and not state.sortie.took_off:  # its motors stopped before it took off: it begins anew
+    if not state.armed and not state.sortie.took_off:  # motors stopped before take-off: start over
         return replace(state, assignment=replace(assignment, leg_began=None))
     if assignment.waypoint != before.assignment.waypoint:
         return _end_legs(state, before.assignment.waypoint, assignment.waypoint, now_s, start)
@@ -188,7 +189,7 @@ def track_legs(
 
 
 def end_landing_leg(state: VehicleState, now_s: float, start: LearnedFactors = UNKNOWN) -> VehicleState:
-    """Return a vehicle that stands on the ground, with the end of its landing if its mission led there."""
+    """Return a vehicle on the ground, with its landing leg ended if its mission led there."""
     assignment, leg = state.assignment, state.leg
     if assignment.board is None or assignment.leg_began is None or leg is None or leg.phase is not Phase.LAND:
         return state
@@ -203,13 +204,13 @@ def _build_leg_boundary(state: VehicleState, now_s: float) -> vehicle_parts.LegB
 
 
 def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, start: LearnedFactors) -> VehicleState:
-    """Return a vehicle that was on its way to one waypoint and is on its way to another one now."""
+    """Return a vehicle that has gone on from one waypoint to another, with the legs between them ended."""
     board, began = state.assignment.board, state.assignment.leg_began
     if board is None:
         return state
     end = _build_leg_boundary(state, now_s)
     flown: list[vehicle_parts.FlownLeg] = []
-    # Of several at once it is known when the first began and the last ended.
+    # Of several at once only the first start and the last end are known.
     for leg in range(waypoint, min(goes_to, len(board.legs))):
         point = board.path.waypoints[leg]
         segment = None if point.visit is None else segment_of(board.visits[point.visit])
@@ -236,7 +237,7 @@ def _learn_from_leg(state: VehicleState, leg: vehicle_parts.FlownLeg, start: Lea
 
 
 def _is_undisturbed(state: VehicleState, since_s: float) -> bool:
-    """Return whether a vehicle has flown this mission of its own, heard all the time, since then."""
+    """Return whether the vehicle has flown this mission undisturbed and with its link up since then."""
     link, assignment = state.link, state.assignment
     silent = max(link.excused_s, link.regained_s or float("-inf"))
     changed = max(
@@ -253,7 +254,7 @@ def _is_undisturbed(state: VehicleState, since_s: float) -> bool:
 
 
 def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle that is told to start; one that never left its pad since begins the same sortie again."""
+    """Return a vehicle commanded to start; one that has not left its pad since begins the same sortie again."""
     turn, rest = vehicle.turn, vehicle.power.pack.rest
     before = turn.sorties
     if before and before[-1].ended_s is None and not vehicle.sortie.took_off:
@@ -268,12 +269,12 @@ def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> Vehi
 
 
 def end_sortie(context: Context, vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle that has landed; a charge reported before a link gap is not the charge at the landing."""
+    """Return a vehicle that has landed; a charge reported before a link gap is not the charge at landing."""
     turn = vehicle.turn
     if not turn.sorties or turn.sorties[-1].ended_s is not None or not vehicle.sortie.took_off:
         return vehicle
     power, sag = vehicle.power, vehicle.power.pack.sag
-    # What its voltage says then is of another pack, in effect.
+    # A refilled battery reports the voltage of what is, in effect, another pack.
     refilled = (power.battery.remaining_pct or 0.0) > (power.landed_pct or 0.0) + REFILLED_PCT
     vehicle = settle_at_base(context, vehicle)
     last = replace(

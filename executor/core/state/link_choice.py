@@ -1,8 +1,8 @@
-"""Which of several links to one vehicle orders and missions go over.
+"""Choose which of several links to a vehicle carries commands and missions.
 
-A link over which nothing came for about a second is left at once while another one is alive. From one that is alive
-orders move only to one that has been clearly better for a while, or is preferred and as good: both autopilots take a
-mission over the link on which it was announced, so that every change costs an upload.
+A link that has been silent for about a second is left at once if another one is alive. A live link is left only for one
+that has been clearly better for a while, or for a preferred one that is as good: both autopilots accept a mission only
+over the link on which its transfer began, so that every change costs an upload.
 """
 
 from __future__ import annotations
@@ -12,74 +12,75 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 SILENT_S = 1.0
-MOST_SILENT_S = 3.0
-"""A slow radio brings what a vehicle says in bursts: it is silent after one and a half of its longest pauses."""
-PAUSES = 1.5
-FORGETS_S = 60.0
-"""How soon a long pause is forgotten."""
-LASTING_S, RETURNS_S = 10.0, 30.0
-"""How long another link has to be clearly better; and one that is preferred, alive and not clearly worse."""
-CLEARLY = 2.0
-"""How many times as long an answer has to take over the link in use before another one is taken."""
-LEAST_TRIP_S = 0.1
-FULL_FACTOR = 4.0
-"""What is sent into a radio whose buffer is full waits behind all that is in it."""
-LOST_SHARE, ENOUGH_FRAMES = 0.2, 80
-"""How much the newest count of frames says of what is lost, and one of fewer frames less."""
+LONGEST_PAUSE_S = 3.0
+"""Longest pause before a link counts as silent; a slow radio delivers in bursts, and its limit is `PAUSE_FACTOR` times
+its longest pause."""
+PAUSE_FACTOR = 1.5
+PAUSE_MEMORY_S = 60.0
+"""Time in which a long pause is forgotten."""
+BETTER_S, PREFERRED_S = 10.0, 30.0
+"""Time for which another link must be clearly better, and for which a preferred one must be alive and no worse."""
+CLEARLY_SLOWER = 2.0
+"""Factor in answer time by which the link in use must be slower before another one is chosen."""
+SHORTEST_TRIP_S = 0.1
+FULL_BUFFER_FACTOR = 4.0
+"""Factor on the answer time over a radio with a full buffer, where each message queues behind the others."""
+LOSS_WEIGHT, ENOUGH_FRAMES = 0.2, 80
+"""Weight of the newest frame count in the loss estimate, and the frames from which the weight is full."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkHealth:
-    """What is known of one link."""
+    """The condition of one link."""
 
     heard_s: float = float("-inf")
-    """When something came over it last."""
+    """When a message last arrived over it."""
     pause_s: float = 0.0
-    """Its longest pause, of those that were no silence."""
+    """Its longest pause that did not count as silence."""
     behind_s: float | None = None
-    """How much later than the vehicle's own clock its positions come, up to a constant that all links share."""
+    """Delay of its positions against the vehicle's clock, up to a constant common to all links."""
     lost: float | None = None
-    """Share of its frames."""
+    """Share of its frames that are lost."""
     is_full: bool = False
-    """Whether its radio said last that it holds more than it can send."""
+    """Whether its radio last reported a full buffer."""
 
     @property
     def silent_after_s(self) -> float:
-        """How long nothing has to come until it is silent."""
-        return min(MOST_SILENT_S, max(SILENT_S, PAUSES * self.pause_s))
+        """Time without messages after which it counts as silent."""
+        return min(LONGEST_PAUSE_S, max(SILENT_S, PAUSE_FACTOR * self.pause_s))
 
     def is_alive(self, now_s: float) -> bool:
-        """Return whether something has come over it just now."""
+        """Return whether a message arrived just now."""
         return now_s - self.heard_s <= self.silent_after_s
 
     def hear(self, now_s: float) -> Self:
-        """Return what is known after something has come."""
+        """Return the link's condition after a message arrived."""
         pause_s, longest_s = now_s - self.heard_s, self.pause_s
-        if pause_s > MOST_SILENT_S:
+        if pause_s > LONGEST_PAUSE_S:
             return replace(self, heard_s=now_s)
-        return replace(self, heard_s=now_s, pause_s=max(pause_s, longest_s * (1.0 - pause_s / FORGETS_S)))
+        return replace(self, heard_s=now_s, pause_s=max(pause_s, longest_s * (1.0 - pause_s / PAUSE_MEMORY_S)))
 
     def count(self, received: int, missing: int) -> Self:
-        """Return what is known after a count of frames."""
+        """Return the link's condition after a frame count."""
         frames = max(1, received + missing)
-        follows = 1.0 if self.lost is None else LOST_SHARE * min(1.0, frames / ENOUGH_FRAMES)
+        follows = 1.0 if self.lost is None else LOSS_WEIGHT * min(1.0, frames / ENOUGH_FRAMES)
         lost = self.lost or 0.0
         return replace(self, lost=lost + follows * (missing / frames - lost))
 
     def estimate_answer_s(self, first_behind_s: float | None) -> float:
-        """Return how long an answer takes over it, as far as is known.
+        """Return the estimated answer time over this link.
 
         Args:
-            first_behind_s: `behind_s` of the link over which positions come first; None if it is not known.
+            first_behind_s: `behind_s` of the link that delivers positions first; None if unknown.
         """
         later_s = 0.0 if self.behind_s is None or first_behind_s is None else self.behind_s - first_behind_s
         arrives = max(0.1, 1.0 - (self.lost or 0.0)) ** 2
-        return (LEAST_TRIP_S + 2.0 * later_s) / arrives * (FULL_FACTOR if self.is_full else 1.0)
+        return (SHORTEST_TRIP_S + 2.0 * later_s) / arrives * (FULL_BUFFER_FACTOR if self.is_full else 1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class LinkChoice:
-    """Which link is in use, and which one may be next."""
+    """The link in use, and the candidate to replace it."""
 
     used: int = 0
     better: int | None = None
@@ -89,20 +90,20 @@ class LinkChoice:
 def choose_link(
     choice: LinkChoice, links: Sequence[LinkHealth], now_s: float, *, transfers: bool = False
 ) -> LinkChoice:
-    """Return which link is to be used now.
+    """Return the link to use now.
 
     Args:
-        choice: So far.
-        links: All of them, the one that is preferred first.
+        choice: The choice so far.
+        links: All links, the preferred one first.
         now_s: The time.
-        transfers: Whether a mission is under way, which would have to begin anew over another link.
+        transfers: Whether a mission transfer is in progress, which another link would have to restart.
     """
     alive = [number for number, one in enumerate(links) if one.is_alive(now_s)]
     if not alive:
-        return choice  # nobody knows of a better one
+        return choice  # no link is better
     first_behind_s = min((one.behind_s for one in links if one.behind_s is not None), default=None)
     answers_s = {number: links[number].estimate_answer_s(first_behind_s) for number in alive}
-    good = [number for number in alive if answers_s[number] <= CLEARLY * min(answers_s.values())]
+    good = [number for number in alive if answers_s[number] <= CLEARLY_SLOWER * min(answers_s.values())]
     wanted = min(good)
     if choice.used not in answers_s:
         return LinkChoice(wanted)
@@ -110,5 +111,5 @@ def choose_link(
         return replace(choice, better=None)
     if choice.better != wanted:
         return replace(choice, better=wanted, better_since_s=now_s)
-    lasts_s = RETURNS_S if choice.used in good else LASTING_S
+    lasts_s = PREFERRED_S if choice.used in good else BETTER_S
     return LinkChoice(wanted) if now_s - choice.better_since_s >= lasts_s else choice

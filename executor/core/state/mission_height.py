@@ -1,7 +1,7 @@
-"""The height that a vehicle's mission asks for where it is, as far as that is known, and whether it lies far below it.
+"""Compute the height that a vehicle's mission prescribes at its position, and detect flight far below it.
 
-Both autopilots fly a straight line between two waypoints, up and down as well. The line is that of the mission that was
-put on board from here; of a flight that somebody else planned it is that of the items which its log has.
+Both autopilots fly a straight line between two waypoints, vertically too. The line comes from the mission that we
+uploaded, or, for a flight planned by others, from the items in its log.
 """
 
 from __future__ import annotations
@@ -16,34 +16,34 @@ from missions import Phase
 from missions.autopilots.dialect import is_mission_mode
 from missions.items import Frame, MissionItem
 
-_HOLDS = frozenset({Phase.TRANSIT, Phase.INSPECT, Phase.RETURN})
-"""Legs with a height to be held: a take-off and a landing have none."""
-WAYPOINT, SPLINE, LAST_NAV = 16, 82, 95
-"""MAV_CMD of items that are flown through, and the last of those that lead somewhere."""
-_STAYS = frozenset({17, 18, 19})
-"""Those that are flown to, and stayed at."""
+_LEVEL_PHASES = frozenset({Phase.TRANSIT, Phase.INSPECT, Phase.RETURN})
+"""Phases with a prescribed height; take-off and landing have none."""
+WAYPOINT, SPLINE, LAST_NAV_COMMAND = 16, 82, 95
+"""MAV_CMD of items flown through, and the last navigation command."""
+_STOPPING_ITEMS = frozenset({17, 18, 19})
+"""MAV_CMD of items where the vehicle stops."""
 GROUND_ITEMS = frozenset({20, 21, 22, 84, 85})
-"""Return, landing and take-off."""
-_OVER_HOME = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
-_OVER_SEA = frozenset({Frame.GLOBAL, Frame.GLOBAL_INT})
+"""MAV_CMD of return, landing and take-off."""
+_HOME_FRAMES = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+_SEA_FRAMES = frozenset({Frame.GLOBAL, Frame.GLOBAL_INT})
 DEG_E7 = 1e7
 ITEM_STALE_S = 5.0
-"""Both autopilots say once a second, at least, which item they fly to."""
+"""Age at which the current item is stale; both autopilots report it at least once a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class AskedHeight:
-    """What a mission asks for at one moment."""
+    """The height that a mission prescribes at one moment."""
 
     below_m: float
-    """How far the vehicle is below it."""
+    """Distance of the vehicle below it."""
     sinks_m_s: float
-    """How fast the leg leads down at the vehicle's speed; 0 where it does not."""
+    """Descent rate of the leg at the vehicle's ground speed; 0 on a level or climbing leg."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Slope:
-    """A straight line from one height to another."""
+    """A straight line between two heights."""
 
     from_m: tuple[float, float]
     from_up_m: float
@@ -51,15 +51,15 @@ class _Slope:
     to_up_m: float
 
     def share(self, place_m: tuple[float, float]) -> float:
-        """Return how much of it lies behind a place."""
+        """Return the share of the line behind a place."""
         (east, north), (x, y) = self.from_m, self.to_m
         length2 = (x - east) ** 2 + (y - north) ** 2
         if length2 < 1.0:
-            return 1.0  # straight up or down: where it ends is what counts
+            return 1.0  # vertical: its end counts
         return ((place_m[0] - east) * (x - east) + (place_m[1] - north) * (y - north)) / length2
 
     def height_for(self, fix: PositionFix, up_m: float) -> AskedHeight:
-        """Return what it asks of a vehicle at a height."""
+        """Return the prescribed height for a vehicle at `up_m`."""
         rise_m = self.to_up_m - self.from_up_m
         height_m = self.from_up_m + rise_m * min(1.0, max(0.0, self.share(fix.place_m)))
         run_m = max(1.0, math.dist(self.from_m, self.to_m))
@@ -68,7 +68,7 @@ class _Slope:
 
 
 def find_mission_height(context: Scene, setup: VehicleSetup, state: VehicleState) -> AskedHeight | None:
-    """Return what a vehicle's mission asks for; None where it is on none, takes off or lands, or nobody knows."""
+    """Return the prescribed height; None off the mission, during take-off and landing, or if it is unknown."""
     fix = state.motion.fix
     flies = state.armed and state.sortie.took_off and is_mission_mode(setup.dialect, state.mode)
     if fix is None or not flies:
@@ -89,17 +89,17 @@ def _find_planned_height(state: VehicleState, fix: PositionFix) -> AskedHeight |
     if board is None or state.assignment.carried.foreign_s is not None or number < 1:
         return None
     if fix.at_s - (state.telemetry.item_s or fix.at_s) > ITEM_STALE_S:
-        return None  # which leg it is on is not known any more
+        return None  # the current leg is unknown
     points, asked = board.path.waypoints, list[AskedHeight]()
     for index in range(number, len(points)):
-        if points[index].phase not in _HOLDS:
+        if points[index].phase not in _LEVEL_PHASES:
             return None
         one = _Slope(
             board.places_m[index - 1], points[index - 1].alt_rel_m, board.places_m[index], points[index].alt_rel_m
         )
         asked.append(one.height_for(fix, fix.alt_rel_m))
         if one.share(fix.place_m) < 1.0 or index > number:
-            break  # past its end it may be on the next leg already: its index comes once a second
+            break  # past its end the next leg may have begun; the index is reported once a second
     if not asked:
         return None
     return AskedHeight(min(one.below_m for one in asked), max(one.sinks_m_s for one in asked))
@@ -107,7 +107,11 @@ def _find_planned_height(state: VehicleState, fix: PositionFix) -> AskedHeight |
 
 def _find_onboard_height(context: Scene, own: OwnMission, fix: PositionFix) -> AskedHeight | None:
     ends = item_of(own, own.leads_to)
-    if ends is None or ends.command not in {WAYPOINT, SPLINE} | _STAYS or (up_m := _up_in(ends.frame, fix)) is None:
+    if (
+        ends is None
+        or ends.command not in {WAYPOINT, SPLINE} | _STOPPING_ITEMS
+        or (up_m := _up_in(ends.frame, fix)) is None
+    ):
         return None
     begins, began = item_of(own, own.came_from), own.leg_from
     if begins is not None and begins.command == WAYPOINT and begins.frame == ends.frame:
@@ -120,18 +124,18 @@ def _find_onboard_height(context: Scene, own: OwnMission, fix: PositionFix) -> A
 
 
 def _up_in(frame: int, fix: PositionFix) -> float | None:
-    """Return a vehicle's height as a frame counts it; None over the ground, which nobody knows."""
-    return fix.alt_rel_m if frame in _OVER_HOME else fix.alt_msl_m if frame in _OVER_SEA else None
+    """Return a vehicle's height in an item's frame; None for heights over terrain, which are unknown."""
+    return fix.alt_rel_m if frame in _HOME_FRAMES else fix.alt_msl_m if frame in _SEA_FRAMES else None
 
 
 def _place_m(context: Scene, item: MissionItem, fix: PositionFix) -> tuple[float, float]:
     if not item.x and not item.y:
-        return fix.place_m  # where it is
+        return fix.place_m  # no coordinates: the item applies in place
     return context.frame.to_local_m(item.x / DEG_E7, item.y / DEG_E7)
 
 
 def item_of(own: OwnMission, number: int | None) -> MissionItem | None:
-    """Return an item of a mission that was seen."""
+    """Return an item of a mission by its number, if it was received."""
     if number is None:
         return None
     if number < len(own.listed) and own.listed[number].seq == number:
@@ -140,7 +144,7 @@ def item_of(own: OwnMission, number: int | None) -> MissionItem | None:
 
 
 def add_onboard_item(own: OwnMission, item: MissionItem) -> OwnMission:
-    """Return a mission with an item that was seen; the first one begins another mission."""
+    """Return a mission with a received item added; item 0 begins a new mission."""
     others = () if item.seq == 0 else tuple(one for one in own.listed if one.seq != item.seq)
     if not others or others[-1].seq < item.seq:
         return replace(own, listed=(*others, item))
@@ -148,13 +152,13 @@ def add_onboard_item(own: OwnMission, item: MissionItem) -> OwnMission:
 
 
 def record_current_item(own: OwnMission, number: int, fix: PositionFix | None) -> OwnMission:
-    """Return a mission whose vehicle says which item it flies to; what a camera or a speed is told leads nowhere."""
+    """Return a mission with its current item updated; items that are not navigation commands are skipped."""
     item = item_of(own, number)
-    if number == own.leads_to or (item is not None and item.command > LAST_NAV):
+    if number == own.leads_to or (item is not None and item.command > LAST_NAV_COMMAND):
         return own
     return replace(own, leads_to=number, came_from=own.leads_to, leg_from=fix)
 
 
 def restart_mission_here(own: OwnMission) -> OwnMission:
-    """Return a mission that its vehicle takes up where it is: in this mode, or after another one."""
+    """Return a mission as continued from the current position, in this mode or after another."""
     return own if own.leg_from is None and own.came_from is None else replace(own, came_from=None, leg_from=None)

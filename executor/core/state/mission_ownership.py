@@ -1,12 +1,12 @@
-"""What a vehicle says of the mission that it carries: whether it is ours, or another station has put its own on board.
+"""Decide from a vehicle's reports whether its mission is ours, or another station has uploaded its own.
 
-MISSION_CURRENT comes at least once a second. Both autopilots send how many items they carry; PX4 adds a checksum of
-them as `mission_id`. ArduPilot says "Flight plan received" after every upload, to its sender alone, and while it flies
-its mission "Auto mission changed, restarted command" with every item that it stores, to everybody. A shorter mission
-leaves it at an index beyond the new end.
+MISSION_CURRENT arrives at least once a second. Both autopilots report the number of items on board; PX4 adds a checksum
+of them as `mission_id`. ArduPilot sends "Flight plan received" after every upload, to the uploader alone, and, while it
+flies its mission, "Auto mission changed, restarted command" to all, with every item stored. A shorter mission leaves it
+at an index beyond the new end.
 
-A text is one packet, and anybody can send it: what it says is looked up on board before it is believed, and nothing new
-is put on board meanwhile.
+A text is one packet, and anybody can send it: the mission on board is read before it is believed, and nothing new is
+uploaded meanwhile.
 """
 
 from __future__ import annotations
@@ -19,70 +19,70 @@ from executor.core.interface.events import Match
 from executor.core.interface.messages import NO_ITEM, MissionCurrent
 from executor.core.lines import custody
 
-SURE_S = 0.9
-"""Two reports must agree; they come twice a second."""
-SETTLES_S = 5.0
-"""So long after an upload of ours a report, or a text, may be of before it."""
-READ_AGAIN_S = 5.0
-"""Between two readings of the mission on board."""
-READS_S = 20.0
-"""So long reading it may take: who stores a mission answers no question, nor does a dialogue that was broken off."""
-_RECEIVED = re.compile(r"^(flight plan received|auto mission changed)", re.IGNORECASE)
+AGREEMENT_S = 0.9
+"""Time for which reports must agree; they arrive twice a second."""
+UPLOAD_SETTLE_S = 5.0
+"""Time after our upload in which a report or a text may still describe the mission before it."""
+READBACK_INTERVAL_S = 5.0
+"""Shortest interval between two read-backs of the mission on board."""
+READBACK_TIMEOUT_S = 20.0
+"""Longest read-back; a vehicle that is storing a mission does not answer, nor does an aborted dialogue."""
+_UPLOAD_TEXT = re.compile(r"^(flight plan received|auto mission changed)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class MissionOwnership:
-    """What is known of the mission on board besides what was put there."""
+    """The evidence of which mission is on board, beside what we uploaded."""
 
     ours_s: float = float("-inf")
-    """When a mission of ours came on board."""
+    """When our mission was uploaded."""
     id: int | None = None
-    """Its `mission_id`, once the vehicle has said it."""
+    """Its `mission_id`, once reported."""
     foreign_s: float | None = None
     """Since when a foreign mission is on board; None if none is."""
     words: str = ""
-    """How that is known."""
+    """The evidence for it, in words."""
     told_s: float | None = None
-    """Since when a text says that it was given one, which nobody has looked up yet."""
+    """When a text announced a new mission that has not been read back yet."""
     asked_s: float | None = None
-    """Since when it is being read."""
+    """When a read-back was started."""
     read_s: float = float("-inf")
-    """When it was read last."""
+    """When the last one ended."""
     by_items: bool = False
-    """Whether its items are others, by what was read: as many as ours are no sign that they are ours again."""
+    """Whether a read-back showed other items: then a matching count is no sign that they are ours again."""
 
     def may_be_foreign(self) -> bool:
-        """Return whether it may carry another mission."""
+        """Return whether the mission on board may be foreign."""
         return self.foreign_s is not None or self.told_s is not None
 
     def is_reading_due(self, now_s: float) -> bool:
-        """Return whether it is time to look up what it carries."""
-        if self.told_s is None or now_s - self.read_s < READ_AGAIN_S:
+        """Return whether the mission on board should be read back now."""
+        if self.told_s is None or now_s - self.read_s < READBACK_INTERVAL_S:
             return False
-        return self.asked_s is None or now_s - self.asked_s >= READS_S
+        return self.asked_s is None or now_s - self.asked_s >= READBACK_TIMEOUT_S
 
     def is_surely_foreign(self, now_s: float) -> bool:
         """Return whether a foreign mission is on board for certain."""
-        return self.foreign_s is not None and now_s - self.foreign_s >= SURE_S
+        return self.foreign_s is not None and now_s - self.foreign_s >= AGREEMENT_S
 
 
 def compute_expected_total(context: Scene, name: str, items: int) -> int:
-    """Return the total that a vehicle reports for a mission of so many items."""
+    """Return the total that a vehicle reports for a mission of that many items."""
     return items - 1 if context.vehicles[name].dialect.current_counts_home else items
 
 
 def apply_mission_report(
     carried: MissionOwnership, message: MissionCurrent, expected: int, now_s: float
 ) -> MissionOwnership:
-    """Take what a vehicle says of its mission, where that should be `expected` items of ours."""
+    """Apply a mission report of a vehicle that should carry `expected` items of ours."""
     total, number = message.total, message.mission_id
     if total == NO_ITEM:  # PX4 without a mission
         return _mark_foreign(carried, custody.NO_MISSION, now_s)
     if total and total != expected:
         return _mark_foreign(carried, custody.OTHER_TOTAL.format(items=total, ours=expected), now_s)
     if number and number != carried.id:
-        # What it says first after an upload may be of before it.
-        if carried.id is None or now_s - carried.ours_s < SETTLES_S:
+        # The first report after an upload may describe the old mission.
+        if carried.id is None or now_s - carried.ours_s < UPLOAD_SETTLE_S:
             return replace(carried, id=number, foreign_s=None, words="")
         return _mark_foreign(carried, custody.OTHER_ITEMS, now_s)
     if carried.foreign_s is None or (not number and carried.by_items):
@@ -91,14 +91,14 @@ def apply_mission_report(
 
 
 def note_mission_text(carried: MissionOwnership, text: str, now_s: float) -> MissionOwnership:
-    """Take a text of a vehicle that is being sent nothing from here."""
-    if not _RECEIVED.search(text) or now_s - carried.ours_s < SETTLES_S or carried.told_s is not None:
+    """Apply a text of a vehicle to which we are uploading nothing."""
+    if not _UPLOAD_TEXT.search(text) or now_s - carried.ours_s < UPLOAD_SETTLE_S or carried.told_s is not None:
         return carried
     return replace(carried, told_s=now_s)
 
 
 def apply_mission_readback(carried: MissionOwnership, match: Match | None, now_s: float) -> MissionOwnership:
-    """Take what was read from it, against the mission that is ours; None if nothing could be read."""
+    """Compare a read-back with our mission; None if it could not be read."""
     known = replace(carried, told_s=None, asked_s=None, read_s=now_s)
     if match is None:
         return replace(_mark_foreign(known, custody.UNREADABLE, now_s), by_items=True)

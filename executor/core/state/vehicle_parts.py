@@ -1,4 +1,4 @@
-"""What is known of one vehicle, in parts: each holds what is heard, decided and forgotten together."""
+"""Hold the state of one vehicle in parts; each part is received, decided and reset together."""
 
 from __future__ import annotations
 
@@ -21,41 +21,41 @@ from missions.items import MissionItem
 
 
 class ModeCause(Enum):
-    """Why a vehicle is in the mode that it is in."""
+    """Why a vehicle is in its mode."""
 
     OURS = "ours"
-    """Ordered here, or the mission that it was started on."""
+    """Commanded by us, or the mission on which we started it."""
     MISSION = "mission"
-    """Its mission's own end."""
+    """The end of its mission."""
     FAILSAFE = "failsafe"
     """Its own failsafe."""
     PERSON = "person"
-    """Its pilot, another ground station, or nobody knows: hands off."""
+    """Its pilot, another ground station, or unknown: hands off."""
 
 
 @dataclass(frozen=True, slots=True)
 class Takeover:
-    """A vehicle in other hands."""
+    """A vehicle under the control of others."""
 
     since_s: float
     given_away: bool = False
     """Whether its segments were reassigned."""
     returned_s: float | None = None
-    """Since when it is on its mission again, by its pilot's doing; None if it is not."""
+    """Since when its pilot has returned it to its mission; None if not."""
 
 
 @dataclass(frozen=True, slots=True)
 class HomingOrder:
-    """What a vehicle is to be told, until it has answered: to return, or to land where it is."""
+    """The command to return or land that a vehicle has to receive and acknowledge."""
 
     since_s: float
     land: bool = False
     told: bool = False
-    """Whether it was told, and has not refused since."""
+    """Whether it was commanded, and has not refused since."""
     not_before_s: float = float("-inf")
-    """When it may be told again after a refusal."""
+    """Earliest time of the next command after a refusal."""
     force: bool = False
-    """Whether the operator has confirmed that it is taken out of its pilot's hands."""
+    """Whether the operator has confirmed taking it from its pilot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class PositionFix:
     """A position in the local frame."""
 
     at_s: float
-    """When it arrived."""
+    """When it was received."""
     boot_s: float
     place_m: tuple[float, float]
     alt_rel_m: float
@@ -72,56 +72,56 @@ class PositionFix:
     """East, north, up."""
     heading_deg: float | None = None
     reckoned: bool = False
-    """Whether it came while GPS was lost: by its accelerations alone."""
+    """Whether it was dead-reckoned, as GPS was lost."""
 
     def distance_m(self, other: PositionFix) -> float:
-        """Return how far another one is, in height too."""
+        """Return the distance to another position, height included."""
         return math.dist((*self.place_m, self.alt_rel_m), (*other.place_m, other.alt_rel_m))
 
 
 @dataclass(frozen=True, slots=True)
 class Positioning:
-    """Whether its positions are by satellites, and which was the last that is known to be."""
+    """Whether its positions come from GPS, and the last one that does."""
 
     fixed: PositionFix | None = None
-    """The newest position when its GPS last reported a fix; None before there was one."""
+    """The newest position when GPS last reported a fix; None before the first."""
     lost_s: float | None = None
-    """When it was heard that GPS is lost; None while it is not."""
+    """When GPS was reported lost; None while it is not."""
     why: str = ""
-    """What says so."""
+    """The evidence for the loss, in words."""
     regained_s: float = float("-inf")
-    """When GPS was regained last."""
+    """When GPS was last regained."""
     fixes: tuple[tuple[int, int], ...] = ()
     """(receiver, GPS_FIX_TYPE) of each receiver's last report."""
     reported_s: float = float("-inf")
-    """When a receiver reported last."""
+    """When a receiver last reported."""
     measured_s: float | None = None
-    """The first receiver's own time of its last fix."""
+    """Time of its last fix by the first receiver's own clock."""
     accuracy_m: float | None = None
-    """Of its last fix, horizontally, by the receiver's word."""
+    """Horizontal accuracy of the last fix, as reported by the receiver."""
     adrift_s: float | None = None
-    """Since when its estimator says that it does not know where it is on the earth."""
+    """Since when its estimator reports that its global position is unknown."""
     estimated_s: float = float("-inf")
-    """When its estimator reported last."""
+    """When its estimator last reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextWindow:
-    """What a vehicle said in words, as far as it decides what is shown."""
+    """The texts of a vehicle, as far as they decide which are shown."""
 
     last: tuple[str, float] = ("", float("-inf"))
-    """The line that was shown last, and when it was heard last."""
+    """The line last shown, and when it was last received."""
     since_s: float = float("-inf")
-    """When the window began in which lines are counted."""
+    """Start of the present counting window."""
     shown: tuple[int, ...] = (0, 0, 0)
     """Lines of each rank in this window."""
     passed_over: int = 0
-    """Texts for which there was no room in it."""
+    """Texts left out of it for lack of room."""
 
 
 @dataclass(frozen=True, slots=True)
 class OnboardMission:
-    """The mission that the vehicle is known to carry."""
+    """The mission on board, verified by read-back."""
 
     revision: int
     path: FlightPath
@@ -130,44 +130,44 @@ class OnboardMission:
     visits: tuple[int, ...]
     """All visits of the path in their order; a waypoint's `visit` is an index here."""
     tracks: tuple[Track, ...]
-    """The line to be flown for each visit."""
+    """The planned line of each visit."""
     places_m: tuple[tuple[float, float], ...]
     """Each waypoint in the local frame."""
     legs: tuple[LegEstimate, ...]
-    """What each leg of the path should take."""
+    """The planned time and energy of each leg of the path."""
 
 
 @dataclass(frozen=True, slots=True)
 class LegBoundary:
-    """A moment at which one leg ended and the next began."""
+    """The moment between two legs."""
 
     at_s: float
     given_pct: float | None
-    """What its battery had given by then, in percent; None if it never reported."""
+    """Battery charge used so far, in percent; None without a report."""
     modelled_pct: float = 0.0
-    """What the model says of its battery's account by then."""
+    """Modelled charge used so far."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlownLeg:
-    """A leg of a mission that was flown, beside what it should have taken."""
+    """A flown leg, with its planned figures."""
 
     revision: int
-    """Of the mission on board at its end."""
+    """Revision of the mission on board at its end."""
     waypoint: int
-    """The one at its end."""
+    """The waypoint at its end."""
     phase: Phase
     segment: int | None
     """The segment that it inspects, or leads to."""
     planned: LegEstimate
     began: LegBoundary | None
-    """None where nobody heard it."""
+    """None where it was not received."""
     ended: LegBoundary | None
 
 
 @dataclass(frozen=True, slots=True)
 class LastKnown:
-    """Where a vehicle on its mission was before a gap in its positions, or before nobody listened."""
+    """A vehicle's progress before a gap in its positions, or before the ground station was away."""
 
     fix: PositionFix
     waypoint: int
@@ -175,165 +175,166 @@ class LastKnown:
     run_visit: int | None
     remaining_pct: float | None
     until_s: float = float("-inf")
-    """What was said later than this is news."""
+    """Messages later than this are new."""
     factor: float = 1.0
-    """What it was known to use relative to the model: what it used in the gap must not judge itself."""
+    """Its consumption factor before the gap; consumption within the gap must not judge itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeclinedMission:
-    """A new mission that a vehicle could not be given."""
+    """A new mission that could not be uploaded to a vehicle."""
 
     at_s: float
-    """When that was known."""
+    """When the upload failed."""
     tries: int
-    """How many in a row."""
+    """Failed uploads in a row."""
     maybe: OnboardMission | None = None
-    """What it may carry all the same, instead of its old one; None where that cannot be."""
+    """The mission it may carry instead of the old one; None where that cannot be."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkState:
-    """When it was heard, how well, and by whom else."""
+    """When messages arrived, how well, and from which other parties."""
 
     heard_s: float | None = None
-    """When it was heard last; later by what was not its own silence."""
+    """When it was last received; moved on by pauses that were not its silence."""
     spoke_s: float | None = None
-    """When it really said something last."""
+    """When a message last really arrived."""
     heartbeat_s: float | None = None
-    """When its last HEARTBEAT came: other messages may come without it, and it without them."""
+    """When its last HEARTBEAT arrived; other messages may come without it, and it without them."""
     regained_s: float | None = None
-    """When its last silence ended with whatever it said."""
+    """When its last silence ended, with any message."""
     stale: bool = False
     excused_s: float = float("-inf")
-    """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
+    """End of the time in which missing messages are excused: we were not listening, or the whole link was silent."""
     quality: LinkQuality = field(default_factory=LinkQuality)
     strangers: frozenset[messages.StationHeard | messages.StationActed | messages.DoubleHeard] = frozenset()
-    """Other ground stations on its link, what is not passed on of theirs, and other vehicles with its number."""
+    """Other ground stations on its link, their blocked actions, and other vehicles with its id."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
-    """Whether its positions are those of one vehicle."""
+    """Whether its positions come from one vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What it said last of what it does."""
+    """The last reports of its activity."""
 
     heartbeat: messages.Heartbeat | None = None
     mode_since_s: float = 0.0
     mode_before_s: float | None = None
-    """When a HEARTBEAT showed the mode before last: it changed between the two. None where there was no other."""
+    """When a HEARTBEAT last showed the previous mode: it changed between the two. None without a previous mode."""
     mode_before: int | None = None
-    """That mode."""
+    """The previous mode."""
     critical_since_s: float | None = None
-    """Since when its HEARTBEATs say that a failsafe is in force; None if they do not."""
+    """Since when its HEARTBEATs report an active failsafe; None if they do not."""
     doubted: tuple[messages.Heartbeat, float] | None = None
-    """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
+    """A HEARTBEAT that reported disarmed in flight, and its time; believed once the next one agrees."""
     item: tuple[int, int | None] | None = None
-    """The mission item it flies to by its own report, and how many there are."""
+    """The current mission item as reported, and the total."""
     item_s: float | None = None
-    """When it said so last."""
+    """When it last reported it."""
     on_ground: bool | None = None
     alarm: tuple[str, float] = ("", float("-inf"))
-    """What it said last of a failsafe or a crash, and when."""
+    """Its last text about a failsafe or a crash, and when."""
     texts: TextWindow = field(default_factory=TextWindow)
 
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What its sensors say of it and of what is around it."""
+    """Sensor readings."""
 
     gps: messages.Gps | None = None
     positioning: Positioning = field(default_factory=Positioning)
     wind: messages.Wind | None = None
-    """As it measures it."""
+    """As the vehicle measures it."""
     attitude: messages.Attitude | None = None
     tilted_since_s: float | None = None
-    """Since when it lies or hangs as no multicopter flies."""
+    """Since when its attitude is one in which no multicopter flies."""
     fence_breached: bool = False
     breached_s: float = float("-inf")
-    """When it said so last: its return may be over its fence again before its mode is heard."""
+    """When it last reported a breach: RTL may bring it back inside before its mode is received."""
     unhealthy: int = 0
     """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionState:
-    """Where it is, and how it moves."""
+    """Its position and motion."""
 
     fix: PositionFix | None = None
     last_fix: PositionFix | None = None
-    """The one before."""
+    """The position before."""
     anchor: PositionFix | None = None
-    """Where the vehicle was when it last moved on, for the stall watchpoint."""
+    """The position when it last advanced, for the stall watchpoint."""
     jump: tuple[float, float] = (0.0, float("-inf"))
-    """How far its position lay from where its velocity leads, and when."""
+    """Distance of its position from the one its velocity predicts, and when."""
     falls_s: float = float("-inf")
-    """When it sank last as no vehicle lands."""
+    """When it last sank faster than any vehicle lands."""
     climbs_m_s: float = 0.0
-    """By its heights alone, over some seconds: what it says of its speed may be wrong where it matters."""
+    """Climb rate from its heights alone, over some seconds; its reported velocity may be wrong where it matters."""
     sinks_s: float = float("-inf")
-    """When it sank last, by them."""
+    """When it last sank, by its heights."""
     drops_s: float = float("-inf")
-    """When it sank last faster than any autopilot touches down."""
+    """When it last sank faster than any autopilot touches down."""
     behind_s: float = 0.0
-    """By how much its clock fell back behind ours in gaps of its positions: it stood still, or has begun anew."""
+    """Lag of its clock behind ours over gaps in its positions: it paused, or rebooted."""
     fell_back_s: float = float("-inf")
     """When the last such gap ended."""
     reopened: bool = False
-    """Whether the ground station was away since its last position: how long that was is its own clock's word alone."""
+    """Whether the ground station was away since its last position: then only its own clock tells for how long."""
 
     @property
     def stood_s(self) -> float:
-        """How long it has not moved on, by its own clock; 0 where nobody knows."""
+        """Time without advancing, by the vehicle's clock; 0 if unknown."""
         return 0.0 if self.fix is None or self.anchor is None else self.fix.boot_s - self.anchor.boot_s
 
 
 @dataclass(frozen=True, slots=True)
 class OwnMission:
-    """Its mission as its log has it, where nobody here planned it, and the height that its autopilot wants."""
+    """The mission in its log, for a flight planned by others, and the height its autopilot wants."""
 
     listed: tuple[MissionItem, ...] = ()
-    """By their numbers, as far as they were seen."""
+    """Its items by number, as far as received."""
     leads_to: int | None = None
-    """The item with a place that it flies to."""
+    """The navigation item ahead."""
     came_from: int | None = None
-    """The one that it flew to before; None if its leg did not begin there."""
+    """The navigation item before it; None if the leg did not begin there."""
     leg_from: PositionFix | None = None
-    """Where it was when that leg began."""
+    """Its position when the leg began."""
     below_m: float = 0.0
-    """How far it is below the height that its autopilot wants."""
+    """Its distance below the height its autopilot wants."""
     below_s: float = float("-inf")
-    """When it said so."""
+    """When it last reported that."""
 
 
 TOUCHDOWN_PCT = 1.0
-"""What a report on the ground may be below the last one in the air of a landing that was heard."""
+"""Largest drop of the charge between the last report in the air and the first on the ground, where the landing was
+received."""
 
 
 @dataclass(frozen=True, slots=True)
 class PowerState:
-    """What its batteries say, and what is made of it."""
+    """Battery reports and what follows from them."""
 
     battery: BatteryState = field(default_factory=BatteryState)
     packs: tuple[tuple[int, float], ...] = ()
-    """What each battery reported last, in percent, by its id."""
+    """The last report of each battery, in percent, by its id."""
     roundings: PercentRounding = field(default_factory=PercentRounding)
-    """PX4's two ways to say its percentage."""
+    """PX4's two ways of reporting its percentage."""
     volts: VoltageState = field(default_factory=VoltageState)
     battery_faults: int = 0
     """MAV_BATTERY_FAULT bits of its last report."""
     pack: PackState = field(default_factory=PackState)
-    """What its voltage and its parameters say of the pack."""
+    """The pack's condition by its voltage and parameters."""
     told_s: float = float("-inf")
-    """When BATTERY_STATUS came last: SYS_STATUS says less, and in another way."""
+    """When BATTERY_STATUS last arrived; SYS_STATUS has fewer fields, encoded differently."""
     began_pct: float | None = None
-    """What its battery held at its last start."""
+    """Charge at its last take-off."""
     aloft_pct: float | None = None
-    """What it held when it was last heard in the air: PX4's simulated pack is full again as soon as it disarms."""
+    """Charge last reported in the air; PX4's simulated pack is full again as soon as it disarms."""
 
     @property
     def landed_pct(self) -> float | None:
-        """What it landed with; what it holds now, if it was not heard in the air or lost charge unheard since."""
+        """Charge at landing; the present one if none was reported in the air, or charge was lost unobserved since."""
         aloft_pct, now_pct = self.aloft_pct, self.battery.remaining_pct
         if aloft_pct is None or (now_pct is not None and now_pct < aloft_pct - TOUCHDOWN_PCT):
             return now_pct
@@ -342,193 +343,194 @@ class PowerState:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """The mission that it carries, and how far it has come with it."""
+    """The mission on board, and the progress on it."""
 
     board: OnboardMission | None = None
     waypoint: int = 0
-    """The waypoint at the end of the leg under way, by the vehicle's own word."""
+    """The waypoint at the end of the present leg, as the vehicle reports it."""
     fix_waypoint: int | None = None
-    """The same when its newest position came: after a silence either may be heard first."""
+    """The same when its newest position arrived; after a silence either may arrive first."""
     run: InspectionRun | None = None
     run_visit: int | None = None
     """The visit that `run` belongs to."""
     runs_broken: tuple[tuple[int, str], ...] = ()
     """(segment, reason) of inspections that do not count."""
     owed: tuple[int, str] | None = None
-    """(visit, reason) of an inspection that broke, until it is known that it does not count."""
+    """(visit, reason) of an inspection that broke, until it is certain that it does not count."""
     before: LastKnown | None = None
-    """Until it is known what it did while nobody listened."""
+    """Its progress before a time without contact, until that time has been judged."""
     carried: MissionOwnership = field(default_factory=MissionOwnership)
     fence: Fence | None = None
-    """The fence on board, of those that were put there from here: while a wider one is being uploaded, the narrower."""
+    """The fence on board, of those we uploaded; during the upload of a wider one, the narrower."""
     pending: int | None = None
-    """The revision whose mission is being put on board."""
+    """The revision of the mission being uploaded."""
     sent_path: FlightPath | None = None
-    """The new mission that it may fly instead, where vehicles leave their layers: sent, and not surely refused."""
+    """A new mission it may be flying instead, where vehicles leave their layers: sent, and not certainly refused."""
     stubborn: bool = False
-    """Whether it could not be given a new mission: it is planned around."""
+    """Whether a new mission could not be uploaded: the plan works around it."""
     declined: DeclinedMission | None = None
-    """That mission, until it is given one."""
+    """That mission, until an upload succeeds."""
     failures: int = 0
-    """Starts or uploads that failed since the last that succeeded."""
+    """Failed starts and uploads since the last success."""
     leg_began: LegBoundary | None = None
-    """When the leg under way began; None before the take-off and after the landing."""
+    """Start of the present leg; None before take-off and after landing."""
     flown: tuple[FlownLeg, ...] = ()
-    """Legs that are behind it, of all its missions."""
+    """Flown legs, of all its missions."""
     learned: LearnedFactors | None = None
-    """What they say of the vehicle; None as long as they say nothing."""
+    """Factors learned from them; None before the first."""
 
     @property
     def pace(self) -> Pace:
-        """The factors on the times of its legs, as far as they were seen of it in this flight."""
+        """The factors on its leg times learned in this flight."""
         return AS_MODELLED if self.learned is None else self.learned.pace
 
 
 @dataclass(frozen=True, slots=True)
 class YieldState:
-    """A vehicle flies slowly, as somebody climbs ahead of it."""
+    """A vehicle that flies slowly to yield to another's climb."""
 
     since_s: float
     told_s: float
-    """When it was last told a speed."""
+    """When a speed was last commanded."""
     followed: bool = False
-    """Whether it was seen to be slow since."""
+    """Whether it has been seen slow since."""
     over_s: float | None = None
-    """Since when it is to be at its leg's speed again."""
+    """Since when its leg's speed is being restored."""
     leg: int | None = None
-    """The waypoint that it flew to then."""
+    """The waypoint ahead at that time."""
 
 
 FOLLOWED_LATE_S = 120.0
-"""An order may be followed, or answered, this late: a radio keeps it, or only the answers were lost."""
+"""Longest delay until a command takes effect or is answered: a radio queues it, or only the answers were lost."""
 CLEARED_S = 120.0
-"""After this the crew's word that a pad is clear is too old to take off by."""
+"""Age at which the crew's clearance of a pad is too old for a take-off."""
 PLANNED_WITHIN_S = 60.0
-"""After this it is too old to plan with: a mission has to be made, and put on board, while it still holds."""
+"""Age at which a clearance is too old to plan with: a mission has to be built and uploaded while it is valid."""
 
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What it was ordered, and what the crew wants of it."""
+    """Commands to the vehicle, and the crew's intents for it."""
 
     ordered_mode_s: float = float("-inf")
-    """When we last ordered a change of mode."""
+    """When we last commanded a change of mode."""
     ordered_modes: frozenset[int] = frozenset()
-    """The modes that the last order leads to."""
+    """The modes that result from that command."""
     held_s: float | None = None
-    """Since when it holds by the operator's order; None if it does not."""
+    """Since when it holds on the operator's intent; None if it does not."""
     hold_asked_s: float = float("-inf")
-    """When a hold was commanded last, and no resume since: it may follow late."""
+    """When a hold was last commanded without a resume since; it may take effect late."""
     gives_way: YieldState | None = None
     gave_way_s: float = float("-inf")
-    """When it last gave way to anybody: what its legs take says nothing of its pace then."""
+    """When it last yielded; its leg times do not show its pace then."""
     excluded: bool = False
-    """Whether the operator took it out of the plan: it is given nothing until it is included."""
+    """Whether the operator took it out of the plan: it gets no segments until it is included."""
     lands: bool = False
-    """Whether the operator ordered it to land where it was."""
+    """Whether the operator ordered it to land in place."""
     errand: HomingOrder | None = None
     cleared_s: float | None = None
-    """When the crew said that it may take off again; None if it did not, or it has."""
+    """When the crew cleared it for another take-off; None if not cleared, or already in the air."""
     start_owed_s: float | None = None
-    """When its start failed while it said no position: it is tried again once it says where it is."""
+    """When its start failed for want of a position; it is repeated once it reports one."""
     start_let_go: bool = False
-    """Whether its start was let go because somebody changed its mode: nothing pursues it, and it ends unheard."""
+    """Whether its start was abandoned because its mode was changed by others: nothing follows it up, and its end is
+    ignored."""
     streams_asked_s: float = float("-inf")
-    """When it was asked last to send again what does not come."""
+    """When missing streams were last requested again."""
     stream_step: int = 0
-    """How far its streams are thinned at least, as its radio was found to be full."""
+    """Smallest number of steps by which its streams are thinned, for its radio's load."""
 
 
 @dataclass(frozen=True, slots=True)
 class SortieProgress:
-    """What was seen of it since its last start."""
+    """Observations since its last start."""
 
     armed_once: bool = False
     disarmed_s: float = float("-inf")
-    """When it was first heard to be disarmed after it was armed."""
+    """When it was first received disarmed after being armed."""
     took_off: bool = False
-    """Whether it was heard in the air since its last start."""
+    """Whether it was received in the air since its last start."""
     flew_mission: bool = False
     """Whether it was in mission mode in the air since its last start."""
     away_once: bool = False
     """Whether it was seen away from its pad since its last start."""
     rebooted_s: float | None = None
-    """When its clock was found to have begun anew, since its last start."""
+    """When its clock was found to have restarted, since its last start."""
     left_s: float | None = None
-    """When it left its mission to come home."""
+    """When it left its mission to return."""
     place_told: bool = False
-    """Whether it was said where it is down."""
+    """Whether its position on the ground was reported to the crew."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedSortie:
-    """A sortie that the day's plan has for a vehicle."""
+    """A sortie planned for a vehicle in the day's plan."""
 
     visits: tuple[int, ...]
-    """Visits of the network in their order."""
+    """Visits of the network in order."""
     start_s: float
-    """Its planned take-off, counted from the first one of the day."""
+    """Planned take-off, counted from the first one of the day."""
     base: str = ""
-    """Where it begins; empty where the vehicle's sorties all begin and end at one base."""
+    """Base of its start; empty where all sorties of the vehicle begin and end at one base."""
     lands: str = ""
     """The base where it ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlownSortie:
-    """A flight from a take-off to the landing."""
+    """A sortie from take-off to landing."""
 
     number: int
-    """Of this vehicle's, from 1."""
+    """Of this vehicle, from 1."""
     pack: str
-    """The id of the pack, as the crew said; empty if nobody did."""
+    """Id of the pack as entered by the crew; empty if none."""
     began_s: float
     began_pct: float | None
-    """By its own report."""
+    """As reported by the vehicle."""
     rest_v: float | None
-    """Of the pack at rest, before it."""
+    """Rest voltage of the pack before it."""
     before: tuple[int, ...] = ()
-    """The segments that the vehicle had inspected before it."""
+    """Segments the vehicle had inspected before it."""
     ended_s: float | None = None
     """None for the one under way."""
     ended_pct: float | None = None
     end_v: float | None = None
-    """Of the pack at its end, as it would rest where that is known."""
+    """Voltage of the pack at its end, recovered to rest where known."""
     cells: int | None = None
     base: str = ""
-    """Where it began; empty for the vehicle's own of the day."""
+    """Base of its start; empty for the vehicle's own of the day."""
     lands: str = ""
-    """The base where it ended, or is to end; empty for the one where it began."""
+    """Base of its actual or planned end; empty for the one of its start."""
 
 
 @dataclass(frozen=True, slots=True)
 class Turnaround:
-    """A vehicle's turnarounds on its base, and its sorties."""
+    """A vehicle's turnarounds at its base, and its sorties."""
 
     label: str = ""
-    """What stands on the pack in it, as the crew said."""
+    """Label of the pack in the vehicle, as entered by the crew."""
     swaps: int = 0
-    """How often the crew has said that its pack is changed."""
+    """Number of pack changes the crew has reported."""
     overstated_pct: float = 0.0
-    """By so much its percentage says more than its pack holds, as far as the resting voltage tells."""
+    """Percentage that it reports above the pack's real content, by the rest voltage."""
     asked_s: float | None = None
-    """Since when it is being turned around by the crew's word; None while it is not."""
+    """Start of its turnaround, on the crew's intent; None outside one."""
     intent: str = ""
-    """That word's id."""
+    """Id of that intent."""
     ready_s: float | None = None
     """Since when its checks have passed and it waits for its sortie."""
     ahead: tuple[PlannedSortie, ...] = ()
-    """What it is planned to fly after what it carries."""
+    """The sorties planned for it after its present mission."""
     beyond: frozenset[int] = frozenset()
-    """Open segments of which it could fly none with a good pack."""
+    """Open segments none of which it could fly even with a good pack."""
     sorties: tuple[FlownSortie, ...] = ()
     """Its sorties, the one under way last."""
     base: str = ""
-    """Where it stands, or took off; empty for its own of the day."""
+    """Base where it stands or took off; empty for its own of the day."""
     lands_at: str = ""
-    """The base where the mission that it carries, or is given, ends; empty for the one where it takes off."""
+    """Base where its present or next mission ends; empty for the one of its take-off."""
     moved: bool = False
-    """Whether it stands at another base than when its parameters were looked at."""
+    """Whether it stands at another base than when its parameters were checked."""
 
 
 LONG_AGO_S = float("-inf")
@@ -536,7 +538,7 @@ LONG_AGO_S = float("-inf")
 
 @dataclass(frozen=True, slots=True)
 class SwitchMove:
-    """A switch of the pilot's transmitter was moved: some time between two reports of its channel."""
+    """A switch move on the pilot's transmitter, between two reports of its channel."""
 
     channel: int
     was_us: int
@@ -547,41 +549,41 @@ class SwitchMove:
 
 @dataclass(frozen=True, slots=True)
 class ModeEvidence:
-    """What was heard that may say who changed a mode, and what its autopilot says has failed."""
+    """Evidence of which party changed a mode, and the failures its autopilot reports."""
 
     others_orders: tuple[tuple[messages.OrderSeen, float], ...] = ()
-    """What other stations ordered lately, or the vehicle accepted, and when."""
+    """Commands of other stations seen or accepted recently, and when."""
     channels_us: tuple[int, ...] = ()
     channels_s: float = LONG_AGO_S
-    """When its transmitter's channels came last."""
+    """When the transmitter's channels last arrived."""
     switched: tuple[SwitchMove, ...] = ()
-    """The last switches that were moved."""
+    """The last switch moves."""
     mode_channel: int | None = None
-    """Counted from 1, as its settings say; 0 if it has none."""
+    """Counted from 1, by its parameters; 0 if it has none."""
     throttle_lost_us: float | None = None
-    """Below this the throttle's channel says that the receiver hears no transmitter, as its settings say."""
+    """Throttle channel value below which the receiver has lost the transmitter, by its parameters."""
     recorded: tuple[messages.ModeChange | None, float] = (None, LONG_AGO_S)
-    """The autopilot's own record of the last change of mode."""
+    """The autopilot's own record of the last mode change."""
     critical_s: float = LONG_AGO_S
-    """When its HEARTBEAT became critical last."""
+    """When its HEARTBEAT last became critical."""
     failed: tuple[tuple[messages.OwnFailsafe, float], ...] = ()
-    """What it says has failed, the last of each kind, and when."""
+    """The failures it reports, the last of each kind, and when."""
     passed: tuple[tuple[messages.OwnFailsafe, float, float], ...] = ()
-    """What was over again, the last of each kind, when it was said, and when it was over."""
+    """Failures that are over, the last of each kind, when reported, and when over."""
 
 
 @dataclass(frozen=True, slots=True)
 class Custody:
-    """Who has it, and in which silence of its link it may have been taken, or have acted by itself."""
+    """Which party controls it, and the silence in which it may have been taken over or acted by itself."""
 
     taken: Takeover | None = None
     cause: ModeCause = ModeCause.OURS
-    """Why it is in its mode, as long as it is armed."""
+    """The cause of its present mode, while armed."""
     certain: bool = False
-    """Whether no text that may come late can make it anything but a person's."""
+    """Whether no late text can still show that a person changed it."""
     unseen_until_s: float | None = None
-    """When its last silence ended with a heartbeat."""
+    """When a HEARTBEAT ended its last silence."""
     unseen_from_boot_s: float | None = None
-    """By its own clock, when it was seen last before that."""
+    """When it was last received before that, by the vehicle's clock."""
     beat_boot_s: float | None = None
-    """By its own clock, about when its last heartbeat came."""
+    """Approximate time of its last HEARTBEAT, by the vehicle's clock."""

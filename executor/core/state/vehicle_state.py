@@ -1,4 +1,4 @@
-"""One vehicle as we know it: its stage, what is wrong with it, and the parts of what is known of it."""
+"""Hold the state of one vehicle: its stage, its fault, and the parts of its state."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from executor.core.battery import account
 from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.interface.codes import ReasonCode
 from executor.core.interface.messages import CRITICAL
-from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
+from executor.core.payload.camera_state import PayloadState
 from executor.core.state import vehicle_parts
 from executor.core.state.inspection_proof import SLOWED_GAP_S, Track
 from executor.core.state.mission_ownership import MissionOwnership
@@ -23,20 +23,20 @@ Fields = ParamSpec("Fields")
 
 
 class PartUpdate(Generic[Fields]):
-    """A method of a dataclass that replaces fields of one of its parts, as `replace` twice.
+    """A method of a dataclass that replaces fields of one of its parts, as two calls of `replace`.
 
     `with_orders = PartUpdate(Orders)` makes `vehicle.with_orders(held_s=None)`; every field of the part has a default.
     """
 
     def __init__(self, part: Callable[Fields, object]) -> None:
-        """Take the dataclass that the part is: its fields are the arguments, and type checkers hold callers to them."""
+        """Take the part's dataclass: its fields are the arguments, and type checkers hold callers to them."""
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Take the name of the part from the name of the method."""
+        """Derive the part's name from the method's name."""
         self.part = name.removeprefix("with_")
 
     def __get__(self, whole: Whole, owner: type | None = None) -> Callable[Fields, Whole]:
-        """Return the method of one object."""
+        """Return the bound method of an object."""
 
         def update(*_: Fields.args, **fields: Fields.kwargs) -> Whole:
             part = replace(getattr(whole, self.part), **fields)
@@ -47,7 +47,7 @@ class PartUpdate(Generic[Fields]):
 
 
 class Stage(Enum):
-    """Where a vehicle is in its flight."""
+    """The stage of a vehicle in its flight."""
 
     GROUND = "ground"
     """Before its start, or with nothing to do."""
@@ -55,17 +55,17 @@ class Stage(Enum):
     FLYING = "flying"
     """On its mission."""
     RETURNING = "returning"
-    """On its way home, or down, and not to fly its mission again."""
+    """Returning or landing, and not to fly its mission again."""
     PILOT = "pilot"
     """With its pilot, or with another ground station: not commanded from here."""
     LANDED = "landed"
     DOWN = "down"
-    """On the ground where, when or how it should not be."""
+    """On the ground at the wrong place or time, or in a wrong attitude."""
     LOST = "lost"
-    """Silent for longer than its time-out."""
+    """Without contact for longer than its link time-out."""
 
     __hash__ = object.__hash__
-    """Stages are looked up on every step of every vehicle; an Enum's own hash is that of its name, made in Python."""
+    """Every step looks stages up for every vehicle; an Enum's own hash is computed in Python from its name."""
 
 
 TRANSITIONS: dict[Stage, frozenset[Stage]] = {
@@ -80,16 +80,17 @@ TRANSITIONS: dict[Stage, frozenset[Stage]] = {
     Stage.DOWN: frozenset({Stage.RETURNING, Stage.PILOT, Stage.GROUND}),
     Stage.LOST: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN}),
 }  # fmt: skip
-"""What may follow what; a vehicle at fault never flies its mission again. Landed and taken back into the plan, with
-another battery, it is on the ground as before its start; one that its pilot has given back flies on."""
+"""The transitions between stages. A vehicle at fault never flies its mission again. One that has landed and is taken
+back into the plan with another battery is on the ground as before its start; one that its pilot has returned flies
+on."""
 
 
 WATCHED = frozenset({(Stage.GROUND, Stage.FLYING), (Stage.LANDED, Stage.FLYING), (Stage.LOST, Stage.FLYING)})
-"""What may follow besides where a flight is only watched: nobody here starts it, or sends it home after a silence."""
+"""Further transitions of a flight that is only watched, where others start vehicles and no RTL follows a silence."""
 
 
 class FaultKind(Enum):
-    """What a fault is about."""
+    """The kind of a fault."""
 
     LINK = "link"
     BATTERY = "battery"
@@ -101,11 +102,11 @@ class FaultKind(Enum):
     PAYLOAD = "payload"
     """Its cameras, or its gimbal."""
     DOWN = "down"
-    """On the ground where, when or how it should not be."""
+    """On the ground at the wrong place or time, or in a wrong attitude."""
 
 
 class FaultCode(ReasonCode):
-    """What was found, beside the words: within its kind, and finer."""
+    """The finding: finer than the kind, with its meaning."""
 
     LINK_LOST = "link_lost", "Nothing was received for the link time-out."
     HEARTBEAT_LOST = "heartbeat_lost", "No HEARTBEAT while other messages come."
@@ -144,12 +145,12 @@ class FaultCode(ReasonCode):
 
 
 SINKS = frozenset({FaultCode.FALLING, FaultCode.SINKING, FaultCode.THRUST_LOST})
-"""Of a vehicle that cannot hold its height."""
+"""Faults of a vehicle that cannot hold its height."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """The judgement that a vehicle will not finish its route."""
+    """The decision that a vehicle will not finish its route."""
 
     kind: FaultKind
     reason: str
@@ -162,13 +163,13 @@ IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """Everything known of one vehicle."""
+    """The state of one vehicle."""
 
     name: str
     stage: Stage = Stage.GROUND
     fault: Fault | None = None
     watches: tuple[tuple[str, float], ...] = ()
-    """Watchpoints that fail, and since when."""
+    """Failing watchpoints, and since when."""
     link: vehicle_parts.LinkState = field(default_factory=vehicle_parts.LinkState)
     telemetry: vehicle_parts.Telemetry = field(default_factory=vehicle_parts.Telemetry)
     sensors: vehicle_parts.Sensors = field(default_factory=vehicle_parts.Sensors)
@@ -179,7 +180,7 @@ class VehicleState:
     sortie: vehicle_parts.SortieProgress = field(default_factory=vehicle_parts.SortieProgress)
     custody: vehicle_parts.Custody = field(default_factory=vehicle_parts.Custody)
     evidence: vehicle_parts.ModeEvidence = field(default_factory=vehicle_parts.ModeEvidence)
-    payload: PayloadState = NO_PAYLOAD
+    payload: PayloadState = field(default_factory=PayloadState)
     turn: vehicle_parts.Turnaround = field(default_factory=vehicle_parts.Turnaround)
     own: vehicle_parts.OwnMission = field(default_factory=vehicle_parts.OwnMission)
 
@@ -195,32 +196,32 @@ class VehicleState:
 
     @property
     def airborne(self) -> bool:
-        """Whether it is out there, as far as we know."""
+        """Whether it is in the air, as far as known."""
         return self.stage in IN_THE_AIR or (self.stage is Stage.STARTING and self.armed)
 
     @property
     def armed(self) -> bool:
-        """Whether its last heartbeat said so."""
+        """Whether its last HEARTBEAT reported it armed."""
         return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.armed
 
     @property
     def mode(self) -> int | None:
-        """The mode that its last heartbeat showed; None before there was one."""
+        """The mode in its last HEARTBEAT; None before the first."""
         return None if self.telemetry.heartbeat is None else self.telemetry.heartbeat.custom_mode
 
     @property
     def is_critical(self) -> bool:
-        """Whether its last heartbeat said that a failsafe is in force."""
+        """Whether its last HEARTBEAT reported an active failsafe."""
         return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.system_status >= CRITICAL
 
     @property
     def leg(self) -> Waypoint | None:
-        """The waypoint that it flies to."""
+        """The waypoint ahead."""
         board, waypoint = self.assignment.board, self.assignment.waypoint
         return None if board is None or waypoint >= len(board.path.waypoints) else board.path.waypoints[waypoint]
 
     def remaining_visits(self) -> tuple[int, ...]:
-        """Visits of its mission that it is not known to have passed, the one under way included."""
+        """Return the visits of its mission not known to be passed, the one under way included."""
         board, before = self.assignment.board, self.assignment.before
         if board is None:
             return ()
@@ -232,15 +233,15 @@ class VehicleState:
 def change_stage(
     state: VehicleState, stage: Stage, *, besides: frozenset[tuple[Stage, Stage]] = frozenset()
 ) -> VehicleState:
-    """Return the vehicle in another stage; nothing else of it is another.
+    """Return the vehicle in another stage, otherwise unchanged.
 
     Args:
         state: The vehicle.
-        stage: Where it is now.
-        besides: What may follow what, besides the table.
+        stage: The new stage.
+        besides: Transitions allowed beside the table's.
 
     Raises:
-        ValueError: the table has no such transition; a mistake of the caller's.
+        ValueError: the table has no such transition; the caller is wrong.
     """
     if stage is state.stage:
         return state
@@ -250,9 +251,9 @@ def change_stage(
 
 
 def is_slowed_by_us(state: VehicleState, now_s: float) -> bool:
-    """Return whether its streams come late as it takes a mission of ours over a telemetry radio, or just has.
+    """Return whether streams are slow because a mission is, or just was, uploaded over a telemetry radio.
 
-    The upload has a part of the radio, and ArduPilot sends everything four times as seldom meanwhile.
+    The upload takes part of the radio's capacity, and ArduPilot then sends everything at a quarter of its rate.
     """
     known = state.assignment
     loads = known.pending is not None or now_s - known.carried.ours_s <= SLOWED_GAP_S
@@ -260,16 +261,16 @@ def is_slowed_by_us(state: VehicleState, now_s: float) -> bool:
 
 
 def suppose_lost(state: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle as if it were lost, to reckon what that would mean: no vehicle ever becomes this."""
+    """Return a vehicle as if lost, to compute the effect of its loss; no vehicle ever takes this state."""
     return replace(state, stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s, FaultCode.LINK_LOST))
 
 
 def last_known_of(vehicle: VehicleState, until_s: float = float("-inf")) -> vehicle_parts.LastKnown | None:
-    """Return where a vehicle on its mission was when it last said so; None for one that is not on it.
+    """Return the last reported progress of a vehicle on its mission; None if it is on none.
 
     Args:
-        vehicle: With nothing of what it says after a gap.
-        until_s: What is said later than this is news.
+        vehicle: The vehicle, without messages from after a gap.
+        until_s: Messages later than this are new.
     """
     known, fix = vehicle.assignment, vehicle.motion.fix
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or fix is None or known.board is None:
@@ -282,10 +283,10 @@ def last_known_of(vehicle: VehicleState, until_s: float = float("-inf")) -> vehi
 
 
 def apply_onboard_mission(vehicle: VehicleState, board: vehicle_parts.OnboardMission, now_s: float) -> VehicleState:
-    """Return a vehicle with another mission on board, known to be ours.
+    """Return a vehicle with another mission of ours on board.
 
-    What is flown of a visit that stands no longer in its place is over: an upload may take longer than was reckoned.
-    What it did in a gap that nobody has judged yet was on another mission.
+    The run of a visit that is no longer in its place ends, as an upload may take longer than expected. A gap that has
+    not been judged yet belongs to the old mission.
     """
     old = vehicle.assignment
 
@@ -304,10 +305,10 @@ def apply_onboard_mission(vehicle: VehicleState, board: vehicle_parts.OnboardMis
 def build_onboard_mission(
     context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]
 ) -> vehicle_parts.OnboardMission:
-    """Return what a vehicle carries once `path` has been put on board and read back."""
+    """Return the mission a vehicle carries once `path` has been uploaded and read back."""
     places = tuple(context.frame.to_local_m(waypoint.lat_deg, waypoint.lon_deg) for waypoint in path.waypoints)
     pylons = context.setup.looks.pylons
-    # The leg that is marked as the inspection of a visit begins where the leg before it ends.
+    # A leg marked as the inspection of a visit begins where the leg before it ends.
     tracks = tuple(
         Track(segment := segment_of(visits[waypoint.visit]), places[index - 1], places[index], segment in pylons)
         for index, waypoint in enumerate(path.waypoints)
@@ -319,7 +320,7 @@ def build_onboard_mission(
 
 
 def current_setup_of(context: Scene, vehicle: VehicleState) -> VehicleSetup:
-    """Return the setup of a vehicle; what its percentage says too much is a part of the reserve in it."""
+    """Return the setup of a vehicle, with the overstated part of its percentage added to its reserve."""
     setup, turn = context.vehicles[vehicle.name], vehicle.turn
     if turn.swaps == 0:
         return setup

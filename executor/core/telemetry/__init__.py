@@ -1,1 +1,1 @@
-"""What vehicles say, into what is known of them."""
+"""Fold the messages of vehicles into their state."""

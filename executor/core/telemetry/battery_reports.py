@@ -1,4 +1,4 @@
-"""What a vehicle says of its batteries into what is made of it."""
+"""Fold a vehicle's battery messages into its power state."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from executor.core.interface.messages import Battery, SystemStatus, VehicleSetti
 from executor.core.state.vehicle_parts import PowerState
 from executor.core.state.vehicle_state import VehicleState, current_setup_of
 
-SETTLES_S = 25.0
-"""What PX4 reads off the voltage sinks with the take-off's load, and comes to rest in this time."""
+TAKEOFF_SAG_S = 25.0
+"""Time after take-off in which a percentage that PX4 derives from the voltage sags with the load and settles."""
 
 
 def apply_battery_status(context: Scene, state: VehicleState, message: Battery, now_s: float) -> PowerState:
-    """Take a BATTERY_STATUS."""
+    """Apply a BATTERY_STATUS."""
     old, packs = state.power, state.power.packs
     if message.remaining_pct is not None:
-        # Of several packs the emptiest one ends the flight.
+        # The emptiest of several packs ends the flight.
         packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
     single = len(packs) <= 1  # the counters of several packs are not one account
     charge, roundings = old.battery, old.roundings
@@ -36,7 +36,7 @@ def apply_battery_status(context: Scene, state: VehicleState, message: Battery, 
             charge = account.record_first_count(charge, message.consumed_ah)
     power = replace(
         old, packs=packs, battery=charge, roundings=roundings, battery_faults=message.faults, told_s=now_s,
-        aloft_pct=charge.remaining_pct if message.remaining_pct is not None and _aloft(state) else old.aloft_pct,
+        aloft_pct=charge.remaining_pct if message.remaining_pct is not None and _is_in_air(state) else old.aloft_pct,
     )  # fmt: skip
     if message.voltage_v and single:
         report = VoltageReport(message.voltage_v, message.current_a, message.cells_v)
@@ -45,11 +45,11 @@ def apply_battery_status(context: Scene, state: VehicleState, message: Battery, 
 
 
 def apply_system_status(context: Scene, state: VehicleState, message: SystemStatus, now_s: float) -> PowerState:
-    """Take what SYS_STATUS says of a battery, where nothing better says it."""
+    """Apply the battery fields of SYS_STATUS, where no better source reports."""
     old = state.power
     charge, roundings = old.battery, old.roundings
-    # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs. Older firmware, and
-    # a link that asks for little, have nothing else.
+    # SYS_STATUS rounds differently from BATTERY_STATUS, and reports any one of several packs. Older firmware, and links
+    # with few streams, send nothing else.
     alone = now_s - old.told_s > context.limits.battery_stale_s
     if message.remaining_pct is not None and alone:
         charge = _apply_percentage(context, state, charge, message.remaining_pct, 0, now_s)
@@ -57,7 +57,7 @@ def apply_system_status(context: Scene, state: VehicleState, message: SystemStat
         roundings = replace(roundings, ceiled=message.remaining_pct, ceiled_s=now_s)
         charge = _apply_percentage(context, state, charge, roundings.percent, charge.charge_state, now_s)
     if charge is not old.battery or roundings is not old.roundings:
-        aloft_pct = charge.remaining_pct if _aloft(state) else old.aloft_pct
+        aloft_pct = charge.remaining_pct if _is_in_air(state) else old.aloft_pct
         old = replace(old, battery=charge, roundings=roundings, aloft_pct=aloft_pct)
     if message.voltage_v and alone:
         return _apply_voltage(context, state, old, VoltageReport(message.voltage_v, message.current_a), now_s)
@@ -65,7 +65,7 @@ def apply_system_status(context: Scene, state: VehicleState, message: SystemStat
 
 
 def apply_pack_setting(state: VehicleState, message: VehicleSetting) -> PowerState:
-    """Take a parameter that may say something of its pack."""
+    """Apply a parameter that may describe the pack."""
     old = state.power
     facts = voltage.apply_pack_parameter(old.pack.facts, message.name, message.value)
     if facts == old.pack.facts:
@@ -75,7 +75,7 @@ def apply_pack_setting(state: VehicleState, message: VehicleSetting) -> PowerSta
 
 
 def pack_facts_of(context: Scene, state: VehicleState) -> PackFacts:
-    """Return what is said of a vehicle's pack: the site file's word counts more than its parameters."""
+    """Return the facts of a vehicle's pack; the site file takes precedence over its parameters."""
     facts = state.power.pack.facts
     return facts.override_with(current_setup_of(context, state).pack) if state.name in context.vehicles else facts
 
@@ -95,9 +95,9 @@ def _apply_voltage(
 
 
 def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
-    """Return whether the model says what a vehicle should use.
+    """Return whether the model predicts a vehicle's consumption.
 
-    On the ground, and without positions, it says nothing; where a plan is flown the watchpoints wait for positions.
+    It does not on the ground and without positions; for a planned flight the watchpoints wait for positions.
     """
     setup, fix = context.vehicles.get(state.name), state.motion.fix
     if setup is None or setup.planned:
@@ -105,18 +105,18 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
     return state.armed and state.sortie.took_off and fix is not None and now_s - fix.at_s <= account.GAP_S
 
 
-def _aloft(state: VehicleState) -> bool:
-    """Return whether it is in the air: it says that it has landed some seconds before it disarms."""
+def _is_in_air(state: VehicleState) -> bool:
+    """Return whether it is in the air; it reports landed some seconds before it disarms."""
     fix = state.motion.fix
-    up = state.telemetry.on_ground is False or (fix is not None and fix.alt_rel_m > STANDS_M)
+    up = state.telemetry.on_ground is False or (fix is not None and fix.alt_rel_m > GROUND_HEIGHT_M)
     return state.armed and state.sortie.took_off and up and not state.telemetry.on_ground
 
 
-STANDS_M = 0.5
+GROUND_HEIGHT_M = 0.5
 
 
 def _has_two_roundings(context: Scene, name: str, charge: BatteryState) -> bool:
-    """Return whether it rounds its percentage in two ways, and has nothing finer than that."""
+    """Return whether it rounds its percentage in two ways, and has no finer source."""
     return account.is_blind(charge) and name in context.vehicles and context.vehicles[name].dialect.rounds_twice
 
 
@@ -129,9 +129,9 @@ def _apply_percentage(
     if setup is not None and not setup.planned and known.remaining_pct is not None:
         if not _is_seen_flying(context, state, now_s):
             return account.rebase_account(known, remaining_pct, charge_state, now_s, prior, middle_pct)
-        if setup.dialect.rounds_twice and (now_s - known.anew_s < SETTLES_S or remaining_pct >= account.FULL_PCT):
+        if setup.dialect.rounds_twice and (now_s - known.anew_s < TAKEOFF_SAG_S or remaining_pct >= account.FULL_PCT):
             return account.apply_uninformative_report(known, remaining_pct, charge_state, now_s, prior, middle_pct)
-    # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
+    # Both autopilots' percentages jump back to 100 at a reboot; PX4's simulated one also when it disarms.
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
         return account.restart_account(known, remaining_pct, charge_state, now_s, prior, middle_pct)
     return account.apply_remaining_report(known, remaining_pct, charge_state, now_s, prior, context.limits, middle_pct)

@@ -1,8 +1,8 @@
-"""What cameras say, taken into what is known: each picture with the span that it shows, and why it does not count.
+"""Fold camera messages into the state: each picture with the span it shows, or why it does not count.
 
-A picture counts by its own place and look: it lies inside the corridor about a span of its vehicle's mission that asks
-for this camera, it is sharp enough, and the camera points where it should. Numbers that were passed over are kept, so
-that they are asked for again.
+A picture counts by its own position and direction: it lies inside the corridor around a span of its vehicle's mission
+that requires this camera, it is sharp enough, and the camera points where it should. Missing numbers are kept, to be
+requested again.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from missions.inspection_height import visit_distances_m
 from planner import is_reversed
 
 MOST_WANTED = 50
-"""Numbers that were passed over at once; more is a camera that began to count anew."""
+"""Largest jump of the picture number; a larger one is a restarted count."""
 BEGAN_ANEW = 20
-"""A number so much lower than the last is one of a new count."""
+"""Drop of the number that is a restarted count."""
 GIMBAL_KNOWN_S = 3.0
 ONE_PASS_S = 20.0
-"""Two pictures of one viewpoint are less than this apart only in one pass around its pylon."""
+"""Longest time between two pictures of one viewpoint in one pass around its pylon."""
 PICTURES = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT, Stage.RETURNING})
-"""Where what a camera sees may be of a span; a late word comes while it flies home."""
+"""Stages in which a picture may belong to a span; late reports arrive during the return."""
 
 
 @dataclass(frozen=True, slots=True)
 class _VisitSite:
-    """The visit that a place is on."""
+    """The visit at a place."""
 
     visit: int
     track: Track
     capture: Capture | None
-    """What it asks of the camera there."""
+    """The required capture there."""
     along_m: float = 0.0
     """In the direction of the visit."""
 
@@ -52,7 +52,7 @@ class _VisitSite:
 def apply_payload_message(
     context: Context, state: FleetState, vehicle: VehicleState, message: PayloadMessage, now_s: float
 ) -> FleetState:
-    """Take one message of a camera or a gimbal."""
+    """Apply one message of a camera or gimbal."""
     if not context.setup.looks:
         return state
     known = vehicle.payload
@@ -84,8 +84,8 @@ def _apply_camera_status(
         return state
     memory = vehicle.payload.camera_of(camera.name, camera.id)
     last, wanted = _count_pictures(memory, message.images)
-    # A camera whose card never had any room does not count it: MAVSDK's says 0 with each picture. One whose card was
-    # full from the beginning is found by its pictures that fail.
+    # A camera without card reports is not counted: MAVSDK's reports 0 with each picture. A card full from the start
+    # shows by its failed pictures.
     uncounted = message.free_mib == 0.0 and memory.free_mib is None
     memory = replace(
         memory,
@@ -108,9 +108,9 @@ def _apply_camera_status(
 
 
 def _count_pictures(memory: CameraRecord, images: int | None) -> tuple[int | None, tuple[WantedPicture, ...]]:
-    """Return the highest number of a picture, and those that are to be asked for, once a camera says its count.
+    """Return the highest picture number, and those to request, once a camera reports its count.
 
-    Pictures are numbered from 0. The word of the newest may be under way, unless the count was heard before.
+    Pictures are numbered from 0. The report of the newest may be in transit, unless the count is older.
     """
     last = memory.last
     if images is None:
@@ -124,7 +124,7 @@ def _count_pictures(memory: CameraRecord, images: int | None) -> tuple[int | Non
 
 
 def _camera_of(context: Context, vehicle: VehicleState, message: PictureTaken) -> Camera | None:
-    """Return which of the vehicle's cameras a message is about; None where it proves nothing for any."""
+    """Return the camera that a message is about; None if it proves nothing for any."""
     autopilot = context.vehicles[vehicle.name].dialect.name
     for camera in _cameras_of(context, vehicle.name):
         if message.source is not choose_picture_proof(camera, autopilot):
@@ -146,7 +146,7 @@ def _apply_picture(
     memory = vehicle.payload.camera_of(camera.name, message.component)
     numbered = _record_number(memory, message.sequence)
     if numbered is None:
-        return state  # said before
+        return state  # already reported
     memory = replace(numbered, heard_s=now_s, left_behind=0)
     if not message.ok:
         memory = replace(memory, failures=memory.failures + 1)
@@ -165,9 +165,9 @@ def _apply_picture(
 
 
 def _add_picture(pictures: tuple[Picture, ...], new: Picture) -> tuple[Picture, ...]:
-    """Return pictures with one more: of two of one stop in one pass the earlier was taken on the way there.
+    """Return pictures with one more: of two of one stop in one pass, the earlier was taken on the way there.
 
-    Where a new mission came on board in mid-span, whatever triggers along that may still do so at the next pylon.
+    After a new mission in mid-span, a distance trigger may still fire at the next pylon.
     """
     if not new.points or new.flaw:
         return (*pictures, new)
@@ -184,7 +184,7 @@ def _add_picture(pictures: tuple[Picture, ...], new: Picture) -> tuple[Picture, 
 
 
 def _record_number(memory: CameraRecord, sequence: int) -> CameraRecord | None:
-    """Return what is known once a number was heard; None if it was heard before."""
+    """Return the record after a picture number; None for a repeated one."""
     last = memory.last
     if last is None or sequence < last - BEGAN_ANEW or sequence > last + MOST_WANTED:
         return replace(memory, last=sequence, wanted=())
@@ -197,7 +197,7 @@ def _record_number(memory: CameraRecord, sequence: int) -> CameraRecord | None:
 def _place_picture(
     context: Context, vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
 ) -> tuple[Picture | None, _VisitSite | None]:
-    """Return a picture with its place, and the visit that it is of; None where nobody knows where it was taken."""
+    """Return a picture with its position, and its visit; None if its position is unknown."""
     fix = vehicle.motion.fix
     if fix is None:
         return None, None
@@ -216,7 +216,7 @@ def _place_picture(
     seen = _find_visit(context, vehicle, camera, place_m, alt_rel_m)
     capture = None if seen is None else seen.capture
     if yaw_deg is None and capture is not None and capture.region is not None:
-        yaw_deg = _heading_deg(vehicle, message)  # it sits on the nose
+        yaw_deg = _heading_deg(vehicle, message)  # the camera is fixed to the nose
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*place_m)
     speed_m_s = math.hypot(*fix.velocity_m_s[:2])
     picture = Picture(
@@ -248,7 +248,7 @@ LONGEST_S = 3600.0
 def _find_camera_angles(
     vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
 ) -> tuple[float | None, float | None]:
-    """Return where the camera looked: by its own report, or by its gimbal's on a vehicle with this heading."""
+    """Return the camera's direction: by its own report, or its gimbal's and the vehicle's heading."""
     if message.source is PictureProof.CAPTURED and message.pitch_deg is not None:
         return message.pitch_deg, message.yaw_deg
     known = vehicle.payload
@@ -264,7 +264,7 @@ def _find_camera_angles(
 def _find_visit(
     context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[float, float], alt_rel_m: float
 ) -> _VisitSite | None:
-    """Return the visit that a place is on, of those that were flown or are being flown and ask for a camera."""
+    """Return the visit at a place, of those flown or being flown that require a camera."""
     board, looks = vehicle.assignment.board, context.setup.looks
     if board is None or vehicle.stage not in PICTURES:
         return None
@@ -288,11 +288,13 @@ def _find_visit(
     if best is None:
         return None
     _, visit, along_m = best
-    return _VisitSite(visit, board.tracks[visit], _find_span_capture(board, visit, camera.name), along_m)
+    inspects = (point for point in board.path.waypoints if point.visit == visit and point.phase is Phase.INSPECT)
+    capture = next((_capture_of(point.captures, camera.name) for point in inspects), None)
+    return _VisitSite(visit, board.tracks[visit], capture, along_m)
 
 
 def _find_viewpoint(board: OnboardMission, visit: int, place_m: tuple[float, float, float]) -> Waypoint | None:
-    """Return the waypoint with viewpoints of a pylon that a place is at; None if it is at none."""
+    """Return the waypoint at a place with viewpoints of a pylon; None if there is none."""
     near = [
         (apart_m, number)
         for number, point in enumerate(board.path.waypoints)
@@ -301,11 +303,6 @@ def _find_viewpoint(board: OnboardMission, visit: int, place_m: tuple[float, flo
         and (apart_m := math.dist((*board.places_m[number], point.alt_rel_m), place_m)) <= END_TOLERANCE_M
     ]
     return board.path.waypoints[min(near)[1]] if near else None
-
-
-def _find_span_capture(board: OnboardMission, visit: int, camera: str) -> Capture | None:
-    inspects = (point for point in board.path.waypoints if point.visit == visit and point.phase is Phase.INSPECT)
-    return next((_capture_of(point.captures, camera) for point in inspects), None)
 
 
 def _capture_of(captures: Iterable[Capture], camera: str) -> Capture | None:
@@ -327,7 +324,7 @@ def _find_flaw(
 
 
 def _aim_error_deg(message: PictureTaken, picture: Picture, seen: _VisitSite, capture: Capture) -> float:
-    """Return by how much a picture is aimed beside what was asked, as far as anybody knows."""
+    """Return a picture's aiming error, as far as known."""
     off_deg = 0.0
     if capture.pitch_deg is not None and capture.yaw_deg is not None and picture.pitch_deg is not None:
         nose_deg = 0.0 if capture.from_north else bearing_deg(seen.track.begin_m, seen.track.end_m)
@@ -342,7 +339,7 @@ def _aim_error_deg(message: PictureTaken, picture: Picture, seen: _VisitSite, ca
 
 
 def _heading_deg(vehicle: VehicleState, message: PictureTaken) -> float | None:
-    """Return where a vehicle's nose points: by its camera's own word, or by its position's."""
+    """Return a vehicle's heading: by its camera's report, or by its position's."""
     fix = vehicle.motion.fix
     return message.yaw_deg if message.yaw_deg is not None or fix is None else fix.heading_deg
 
@@ -365,7 +362,7 @@ def _record_coverage(
 
 
 def _inspection_distance_m(context: Context, vehicle: VehicleState, seen: _VisitSite) -> float | None:
-    """Return from how far away a visit looks; None where every vehicle does so from its layer."""
+    """Return the distance from which a visit inspects; None if every vehicle inspects in its layer."""
     board = vehicle.assignment.board
     if board is None or not context.setup.inspection.same_distance:
         return None

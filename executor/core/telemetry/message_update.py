@@ -1,4 +1,4 @@
-"""One message of a vehicle into what is known of it: its place, its battery, its link, its inspections."""
+"""Fold one message of a vehicle into its state: position, battery, link, inspections."""
 
 from __future__ import annotations
 
@@ -24,40 +24,42 @@ from missions.autopilots.dialect import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
 
 OVERTAKEN_S = 60.0
-"""A position older than the one before it by less than this was overtaken on the way; by more, or after a silence, the
-autopilot has rebooted."""
-FELL_BACK_S = 5.0
-"""A gap that was so much shorter by its own clock is more than a slow link: an autopilot that rebooted may say a later
-time than before already."""
+"""Step back in a position's time below which it was overtaken in transit; a larger one, or one after a silence, is a
+reboot."""
+CLOCK_LOSS_S = 5.0
+"""Loss of the vehicle's clock over a gap that is more than a slow link: a rebooted autopilot may already report a later
+time than before."""
 LONGEST_SILENCE_S = 600.0
-"""Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
-_ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})
-"""Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
-NAMED_S = 5.0
-"""So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
+"""Longest gap of its own clock over which consumption is modelled; in a longer one it may have landed and been
+charged."""
+_MAY_FLY_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})
+"""Stages in which the index counts: a pilot may have returned it to its mission, and a lost vehicle may still fly
+it."""
+REASON_S = 5.0
+"""Time after the text with a reason in which PX4 reports its action: "Failsafe activated: switching to Return"."""
 WITHOUT_FIX = inspection.WITHOUT_FIX.format(gap_s=GAP_S)
-"""Why an inspection does not count: where its vehicle was is reckoned."""
+"""The reason of an inspection that does not count because its positions are dead-reckoned."""
 JUMP_GAP_S = 10.0
-"""After a longer gap a position says nothing of a jump."""
+"""Longest gap over which a position can show a jump."""
 
 
 @dataclass(frozen=True, slots=True)
 class MessageEffect:
-    """A vehicle after a message, and the segment that the message proved to be inspected."""
+    """A vehicle after a message, with the segment that it proved inspected."""
 
     state: VehicleState
     inspected: int | None = None
     flown: SegmentPass | None = None
-    """How it was flown."""
+    """The figures of the segment."""
     text: StatusText | None = None
 
 
 def apply_message(  # noqa: C901, PLR0912 - one case for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> MessageEffect:
-    """Take one message into the state."""
+    """Apply one message to the state."""
     if isinstance(message, messages.PayloadMessage):
-        return MessageEffect(state)  # what cameras say is no word of their vehicle's autopilot; see `camera_reports`
+        return MessageEffect(state)  # camera messages are no contact with the autopilot; see `camera_reports`
     if isinstance(message, messages.LinkMessage):
         return MessageEffect(_apply_link_report(context, state, message, now_s))
     if isinstance(message, messages.EvidenceMessage):
@@ -126,9 +128,9 @@ def _current_item(
     return replace(after, own=mission_height.record_current_item(state.own, message.seq, state.motion.fix))
 
 
-DOUBT_S = 2.5
-"""The vehicle's own HEARTBEAT comes every second, and one may be lost: what it refutes meanwhile was not so."""
-DOUBTED_FIX_S = 1.5
+CONFIRMATION_S = 2.5
+"""Time in which a doubtful HEARTBEAT must be confirmed; the vehicle's own comes every second, and one may be lost."""
+REFUTING_FIX_S = 1.5
 
 
 def _apply_heartbeat(
@@ -138,7 +140,7 @@ def _apply_heartbeat(
     if not message.armed and _is_seen_flying(context, state, now_s):
         if old.doubted is None:
             return replace(state, link=link, telemetry=replace(old, doubted=(message, now_s)))
-        if now_s - old.doubted[1] < DOUBT_S:
+        if now_s - old.doubted[1] < CONFIRMATION_S:
             return replace(state, link=link)
     other = old.heartbeat is None or old.heartbeat.custom_mode != message.custom_mode
     since = now_s if other else old.mode_since_s
@@ -147,7 +149,7 @@ def _apply_heartbeat(
         before, before_s = old.heartbeat.custom_mode, state.link.heartbeat_s
     since_s = now_s if old.critical_since_s is None else old.critical_since_s
     critical_s = None if message.system_status < CRITICAL else since_s
-    # Its clock says so too, once it has a position.
+    # Its clock shows it too, once it has a position.
     starts_anew = message.system_status == BOOT and old.heartbeat is not None and old.heartbeat.system_status > BOOT
     rebooted_s = now_s if starts_anew else sortie.rebooted_s
     armed_once = sortie.armed_once or message.armed
@@ -185,37 +187,37 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
     if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False
     text, said_s = state.telemetry.alarm
-    explained = now_s - said_s <= NAMED_S and EXPLAINS_DISARMING.search(text)
-    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or explained:
+    explained = now_s - said_s <= REASON_S and EXPLAINS_DISARMING.search(text)
+    if now_s - fix.at_s > REFUTING_FIX_S or state.telemetry.on_ground or explained:
         return False
-    if now_s - state.motion.falls_s < DOUBT_S:
-        return False  # who falls is not refuted by where it is
+    if now_s - state.motion.falls_s < CONFIRMATION_S:
+        return False  # a position does not refute a fall
     if state.link.heartbeat_s is None or now_s - state.link.heartbeat_s >= context.limits.heartbeat_stale_s:
-        return False  # that it is armed is from before a silence
+        return False  # armed was reported before a silence
     return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
 
 
-RESTS_M_S = 0.3
+REST_SPEED_M_S = 0.3
 
 
 def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
     """Return whether a text explains nothing.
 
-    It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
-    vehicle that has landed, which ends no flight.
+    It only states the autopilot's action on a reason just given; or the motors of a landed vehicle were stopped, which
+    ends no flight.
     """
-    if now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower():
+    if now_s - state.telemetry.alarm[1] < REASON_S and "failsafe activated" in said.lower():
         return True
     fix = state.motion.fix
-    if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
+    if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > REFUTING_FIX_S:
         return False
-    return bool(STOPS_MOTORS.search(said)) and math.hypot(*fix.velocity_m_s) < RESTS_M_S
+    return bool(STOPS_MOTORS.search(said)) and math.hypot(*fix.velocity_m_s) < REST_SPEED_M_S
 
 
 def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
-    """Return whether a heartbeat is the first one after a silence, or the first one that this process hears.
+    """Return whether a HEARTBEAT is the first one after a silence, or the first one this process receives.
 
-    One that got lost among other messages is no silence: nothing that a failsafe waits for has happened then.
+    A HEARTBEAT lost among other messages is no silence: no failsafe has acted on that.
     """
     if link.heartbeat_s is None:
         return True
@@ -234,11 +236,11 @@ def _positioning(
 def _apply_link_report(
     context: Scene, state: VehicleState, message: messages.LinkMessage, now_s: float
 ) -> VehicleState:
-    """Take what others say about a vehicle, which does not mean that it was heard."""
+    """Apply a report about a vehicle by others; it is no contact with it."""
     known = state.link.quality
     match message:
         case messages.StationActed(passed=True):
-            return state  # the crew is told, whatever is known already
+            return state  # the crew is told in any case
         case messages.StationHeard() | messages.StationActed() | messages.DoubleHeard():
             return state.with_link(strangers=add_foreign_system(state.link.strangers, message))
         case messages.Traffic():
@@ -249,7 +251,7 @@ def _apply_link_report(
 
 
 def _apply_evidence(state: VehicleState, message: messages.EvidenceMessage, now_s: float) -> VehicleState:
-    """Take what may say who changed its mode; an order to it does not mean that it was heard."""
+    """Apply evidence for a mode change; a command to the vehicle is no contact with it."""
     if isinstance(message, messages.OrderSeen) and mode_evidence.may_be_ours(state.orders, message, now_s):
         return state
     known = replace(state, evidence=mode_evidence.record_evidence(state.evidence, message, now_s))
@@ -263,9 +265,9 @@ def _apply_evidence(state: VehicleState, message: messages.EvidenceMessage, now_
 def _apply_mission_report(
     context: Scene, state: VehicleState, message: messages.MissionCurrent | StatusText, now_s: float
 ) -> Assignment:
-    """Take what it says of the mission on board, unless it is being given one."""
+    """Apply its report of the mission on board, unless an upload is under way."""
     old = state.assignment
-    if old.board is None or old.pending is not None or old.stubborn or state.stage not in _ON_ITS_MISSION:
+    if old.board is None or old.pending is not None or old.stubborn or state.stage not in _MAY_FLY_MISSION:
         return old
     if isinstance(message, StatusText):
         known = mission_ownership.note_mission_text(old.carried, message.text, now_s)
@@ -277,21 +279,21 @@ def _apply_mission_report(
 
 def _apply_current_item(state: VehicleState, assignment: Assignment, seq: int) -> Assignment:
     if assignment.carried.foreign_s is not None:
-        return assignment  # an index into a list that we do not know
+        return assignment  # an index into an unknown list
     if assignment.board is None or not 0 <= seq < len(assignment.board.waypoint_of):
         return assignment
     waypoint = assignment.board.waypoint_of[seq]
-    if waypoint is None or waypoint == assignment.waypoint or state.stage not in _ON_ITS_MISSION:
+    if waypoint is None or waypoint == assignment.waypoint or state.stage not in _MAY_FLY_MISSION:
         return assignment
     if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < assignment.waypoint:
-        return assignment  # both autopilots begin to count anew when the mission is over
+        return assignment  # both autopilots restart the index after the mission
     return replace(assignment, waypoint=waypoint)
 
 
 def _update_link_position(
     link: LinkState, name: str, message: messages.Position, now_s: float, context: Scene
 ) -> LinkState:
-    """Return the link after a position, which may show that another vehicle answers by the same number."""
+    """Return the link after a position, which may reveal another vehicle with the same id."""
     twins = add_reported_position(link.twins, ReportedPosition(now_s, message.boot_s, message.lat_deg, message.lon_deg))
     if not twins.are_two or link.twins.are_two or name not in context.vehicles:
         return replace(link, twins=twins)
@@ -306,7 +308,7 @@ def _apply_position(
     rebooted_s = sortie.rebooted_s
     if last is not None and message.boot_s <= last.boot_s:
         if last.boot_s - message.boot_s < OVERTAKEN_S and now_s - last.at_s < context.limits.link_stale_s:
-            return MessageEffect(replace(state, link=link))  # overtaken on the way by a newer one, or a duplicate
+            return MessageEffect(replace(state, link=link))  # overtaken in transit by a newer one, or a duplicate
         rebooted_s = now_s
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
@@ -323,7 +325,7 @@ def _apply_position(
     anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or anchor.distance_m(fix) > context.limits.stall_m:
         anchor = fix
-    settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.SETTLES_S
+    settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.GPS_SETTLE_S
     jump = (None if settles else _find_jump(context, last, fix, elapsed_s)) or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     away = sortie.away_once or context.vehicles[state.name].pad_distance_m(place) > context.limits.off_pad_m
@@ -335,7 +337,7 @@ def _apply_position(
         state.motion, last, fix, anew=rebooted_s == now_s or state.motion.reopened
     )
     falls_s = now_s if falls else state.motion.falls_s
-    climbs_m_s = _climbs(state.motion, fix, elapsed_s, context.limits.fall_m_s)
+    climbs_m_s = _climb_rate_m_s(state.motion, fix, elapsed_s, context.limits.fall_m_s)
     sinks_s = now_s if took_off and climbs_m_s < -context.limits.sinks_m_s else state.motion.sinks_s
     drops_s = now_s if took_off and climbs_m_s < -context.limits.drops_m_s else state.motion.drops_s
     motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
@@ -355,32 +357,32 @@ def _apply_position(
     return MessageEffect(after, inspected, flown)
 
 
-CLIMBS_S = 1.5
-"""Heights are known to some centimetres, and come up to ten times a second."""
+CLIMB_TIME_CONSTANT_S = 1.5
+"""Time constant of the climb rate; heights are accurate to centimetres, and arrive up to ten times a second."""
 
 
-def _climbs(known: MotionState, fix: PositionFix, elapsed_s: float, most_m_s: float) -> float:
-    """Return how fast it climbs by its heights; an estimate that is set anew in one step is no fall."""
+def _climb_rate_m_s(known: MotionState, fix: PositionFix, elapsed_s: float, most_m_s: float) -> float:
+    """Return the climb rate by its heights; limited, as a reset of the estimate is no fall."""
     if known.fix is None or not 0.0 < elapsed_s < JUMP_GAP_S:
         return 0.0
     rate_m_s = min(most_m_s, max(-most_m_s, (fix.alt_rel_m - known.fix.alt_rel_m) / elapsed_s))
-    return known.climbs_m_s + (rate_m_s - known.climbs_m_s) * elapsed_s / (elapsed_s + CLIMBS_S)
+    return known.climbs_m_s + (rate_m_s - known.climbs_m_s) * elapsed_s / (elapsed_s + CLIMB_TIME_CONSTANT_S)
 
 
 def _update_clock_lag(
     known: MotionState, before: PositionFix | None, fix: PositionFix, *, anew: bool
 ) -> tuple[float, float]:
-    """Return by how much its clock has fallen back, and when: what waited while nobody listened catches up again."""
+    """Return the lag of its clock, and since when; messages queued during a silence catch up."""
     if before is None or anew:
         return 0.0, known.fell_back_s
     lost_s = fix.at_s - before.at_s - (fix.boot_s - before.boot_s)
-    if lost_s >= FELL_BACK_S:
+    if lost_s >= CLOCK_LOSS_S:
         return known.behind_s + lost_s, fix.at_s
     return (max(0.0, known.behind_s + lost_s) if known.behind_s else 0.0), known.fell_back_s
 
 
 def _keep_state_before_gap(state: VehicleState, elapsed_s: float, gap_s: float) -> VehicleState:
-    """Keep where it was before a gap in which nobody saw what it flew, until that is judged."""
+    """Save its progress before a gap in its positions, until the gap is judged."""
     if elapsed_s <= gap_s or state.assignment.before is not None or state.motion.fix is None:
         return state
     before = last_known_of(state, state.motion.fix.at_s)
@@ -390,7 +392,7 @@ def _keep_state_before_gap(state: VehicleState, elapsed_s: float, gap_s: float) 
 def _find_jump(
     context: Scene, before: PositionFix | None, fix: PositionFix, elapsed_s: float
 ) -> tuple[float, float] | None:
-    """Return how far a position lies from where the velocities lead, if that is worth a word."""
+    """Return the distance of a position from the one its velocity predicts, if it is notable."""
     if before is None or not 0.0 < elapsed_s < JUMP_GAP_S:
         return None
     (east_m, north_m), (was_east, was_north, _), (is_east, is_north, _) = (
@@ -398,19 +400,19 @@ def _find_jump(
     )  # fmt: skip
     led_to = (east_m + (was_east + is_east) / 2 * elapsed_s, north_m + (was_north + is_north) / 2 * elapsed_s)
     off_m = math.dist(fix.place_m, led_to)
-    # Over a longer gap a turn may have been flown in between.
+    # Over a longer gap it may have flown a turn.
     return (off_m, fix.at_s) if off_m > context.limits.jump_warn_m * max(1.0, elapsed_s) else None
 
 
 _CoverageStep = tuple[Assignment, int | None, SegmentPass | None]
-"""A mission after a position, and the segment that this proved to be inspected, with how it was flown."""
+"""A mission after a position, the segment proven inspected, and its figures."""
 
 
 def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSample, gap_s: float) -> _CoverageStep:
     old, leg = state.assignment, state.leg
     if old.board is None or leg is None or not _may_count(context, state):
         return old, None, None
-    # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
+    # The index may be ahead of the position by an item, or behind it by a lost message: a run continues until it ends.
     visit = old.run_visit if old.run_visit is not None and old.run is not None else leg.visit
     if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
         visit = leg.visit
@@ -434,7 +436,7 @@ def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSampl
 def _break_unproven_run(context: Scene, state: VehicleState, without_s: float) -> _CoverageStep:
     """Break the inspection under way once GPS has been lost for longer than positions may be missing.
 
-    A position that is reckoned proves nothing: it is as if none had come, and a gap of `GAP_S` is tolerated alike.
+    A dead-reckoned position counts as none, and a gap of `GAP_S` is tolerated as well.
     """
     old, leg = state.assignment, state.leg
     if without_s <= GAP_S or old.board is None or leg is None or not _may_count(context, state):
@@ -450,7 +452,7 @@ def _break_unproven_run(context: Scene, state: VehicleState, without_s: float) -
 
 
 def _may_count(context: Scene, state: VehicleState) -> bool:
-    """Return whether it flies its mission; a pilot may have put it back on it."""
+    """Return whether it flies its mission; a pilot may have returned it to it."""
     if state.assignment.carried.foreign_s is not None:
         return False
     if state.stage is Stage.FLYING:

@@ -1,12 +1,12 @@
-"""What may say who changed a mode, and what has failed: texts, PX4's events, orders, switches.
+"""Collect evidence of which party changed a mode, and of failures: texts, PX4's events, commands, switches.
 
 Texts are those of ArduPilot 3.3 to 4.7 and of PX4 1.11 to 1.17. ArduPilot: events.cpp, ekf_check.cpp, crash_check.cpp,
 failsafe.cpp, fence.cpp of Copter, AP_BattMonitor, AP_Vehicle. PX4: state_machine_helper.cpp and Commander.cpp up to
 1.13, the health checks and failsafe/framework.cpp since.
 
-Since 1.14 PX4 sends "Failsafe activated" as a text, and why only as an event: a number with arguments. An event is
-known by its name, of which its number is a hash, whichever version sends it; arguments that a version does not have are
-zeros. Health checks are among them: those that a vehicle in the air has only when something fails, of the others none.
+Since 1.14 PX4 sends "Failsafe activated" as a text, and the reason only as an event: a number with arguments. The
+number is a hash of the event's name, the same in every version; arguments that a version does not have are zero. Of the
+health checks only those that fail in the air are listed.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from executor.core.interface.messages import (
 )
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeEvidence, Orders, SwitchMove
 
-_NO_NEWS = re.compile(
+_NO_FAILURE = re.compile(
     r"^\W*(pre-?arm|arm|arming|preflight)\b|preflight fail|cleared|regained|restored|recovered|disabled|not? fail",
     re.IGNORECASE,
 )
-"""What is said of arming is said on the ground; what is over has not failed."""
+"""Texts about arming, sent on the ground, and about failures that are over."""
 FENCE_BREACH = (
     r"fence breach|\bbreached\b|geo-?fence (violation\b(?! for)|violated|exceed|breach)|"
     r"geofence: (approaching|exceeding)"
 )
-"""ArduPilot names the kind, "Polygon fence breached"; PX4 1.17 says "Geofence: exceeding maximum altitude above Home",
-up to 1.13 "Geofence violation". "Geofence violation for waypoint 2", "Geofence invalid, doesn't contain Home position"
-and "Fence Indexed OK" are about what was uploaded (measured)."""
+"""Breach texts. ArduPilot names the kind, "Polygon fence breached"; PX4 1.17 sends "Geofence: exceeding maximum
+altitude above Home", up to 1.13 "Geofence violation". "Geofence violation for waypoint 2", "Geofence invalid, doesn't
+contain Home position" and "Fence Indexed OK" concern uploads (measured)."""
 _KINDS: Mapping[str, str] = MappingProxyType(
     {
         # "Crash: Disarming: AngErr=40>30, Accel=0.0<3.0"
@@ -69,17 +69,17 @@ _KINDS: Mapping[str, str] = MappingProxyType(
         "other": r"terminat(ed|ion)|internal error|cpu failsafe|^failsafe (mode )?(activated|enabled)",
     }
 )
-"""By kind, the most important first."""
+"""Patterns by kind, the most important first."""
 _PATTERNS = tuple((kind, re.compile(pattern, re.IGNORECASE)) for kind, pattern in _KINDS.items())
 _LOW = re.compile(r"^low battery!?$", re.IGNORECASE)
-"""ArduPilot up to 3.5 says no more than this of its battery failsafe; PX4's means that it is time to come home."""
-_WARNS = re.compile(
+"""All that ArduPilot up to 3.5 sends about its battery failsafe; PX4's means that it is time to return."""
+_WARNS_ONLY = re.compile(
     r"glitch|variance|compass|terrain data$|late frames|barometer|internal error|compensation|thrust loss|avoids",
     re.IGNORECASE,
 )
-"""Worth a word; what its autopilot does about it, if anything, is said by another text."""
-_GOES_ON = re.compile(r"continuing|warning triggered|advised", re.IGNORECASE)
-"""It says that it does nothing about it."""
+"""Warnings; another text reports the autopilot's action, if there is one."""
+_TAKES_NO_ACTION = re.compile(r"continuing|warning triggered|advised", re.IGNORECASE)
+"""Texts that report no action."""
 
 
 ALARM = re.compile(
@@ -88,29 +88,29 @@ ALARM = re.compile(
     r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
     re.IGNORECASE,
 )
-"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
+"""Texts of both autopilots when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
 CHANGES_MODE = re.compile(
     rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
     r"no valid mission)",
     re.IGNORECASE,
 )
-"""Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
+"""Texts before an autopilot changes its mode; "Low battery" alone only warns."""
 STOPS_MOTORS = re.compile(r"emergency stop|kill", re.IGNORECASE)
-"""Somebody may stop the motors."""
+"""Texts about a motor stop, possibly by a person."""
 EXPLAINS_DISARMING = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
-"""It may say why a vehicle disarms in the air."""
+"""Texts that may explain why a vehicle disarms in the air."""
 
 
 @lru_cache(maxsize=256)
 def parse_failure_text(text: str, *, low_acts: bool) -> OwnFailsafe | None:
-    """Return what a text says has failed, None if it says nothing of that.
+    """Return the failure that a text reports; None if it reports none.
 
     Args:
-        text: Of the autopilot.
-        low_acts: Whether "Low battery" is said by what acts on it: ArduPilot's.
+        text: A text of the autopilot.
+        low_acts: Whether "Low battery" means that the failsafe acts, as in ArduPilot.
     """
     text = text.strip()
-    if _NO_NEWS.search(text):
+    if _NO_FAILURE.search(text):
         return None
     if low_acts and _LOW.match(text):
         return OwnFailsafe("battery", active=True, words=text)
@@ -119,21 +119,21 @@ def parse_failure_text(text: str, *, low_acts: bool) -> OwnFailsafe | None:
 
 
 def has_failsafe_action(failed: OwnFailsafe) -> bool:
-    """Return whether an autopilot does something about what failed, as far as its words tell."""
-    return failed.active and not _GOES_ON.search(failed.words) and not _WARNS.search(failed.words)
+    """Return whether an autopilot acts on a failure, by its text."""
+    return failed.active and not _TAKES_NO_ACTION.search(failed.words) and not _WARNS_ONLY.search(failed.words)
 
 
 ARGUMENT_BYTES = 25
-"""Of uORB's event; MAVLink's has room for 40."""
+"""Bytes of arguments in uORB's event; MAVLink's has room for 40."""
 AUTOPILOT_EVENTS = 1 << 24
-"""The component that the names belong to, in the number's upper byte."""
+"""Component of the names, in the upper byte of the number."""
 _BASIS, _PRIME, _WORD, _LOW_BITS = 0x811C9DC5, 0x01000193, 0xFFFFFFFF, 0xFFFFFF
-"""FNV-1a of 32 bits, of which 24 are kept."""
+"""FNV-1a of 32 bits, of which 24 are used."""
 _ACTIONS: Mapping[int, str] = MappingProxyType({
     2: "Position", 3: "Altitude", 4: "Stabilized", 5: "Hold", 6: "RTL", 7: "Land", 8: "Descend", 9: "disarm",
     10: "termination",
 })  # fmt: skip
-"""failsafe_action_t; 0 is none, and 1 only a warning."""
+"""failsafe_action_t; 0 is none, 1 only a warning."""
 ACTION_AT, WARNS = 4, 1
 _CAUSES: Mapping[int, tuple[str, str]] = MappingProxyType({
     1: ("rc", "manual control lost"), 2: ("ground station", "ground station lost"),
@@ -145,7 +145,7 @@ UNNAMED = ("other", "")
 
 
 def compute_event_id(name: str) -> int:
-    """Return the number of one of PX4's events.
+    """Return the number of a PX4 event.
 
     >>> compute_event_id("commander_failsafe_enter") & 0xFFFFFF
     9751178
@@ -157,11 +157,11 @@ def compute_event_id(name: str) -> int:
 
 
 def parse_px4_event(number: int, arguments: bytes) -> OwnFailsafe | ModeChange | None:
-    """Return what an event says of a failsafe, or of who changed the mode; None if it says nothing of that.
+    """Return the failsafe or mode change that an event reports; None if neither.
 
     Args:
-        number: Of the event.
-        arguments: Packed, little-endian; what is missing is zero.
+        number: The event's number.
+        arguments: Packed, little-endian; missing ones are zero.
     """
     said, arguments = _BY_NUMBER.get(number), arguments.ljust(ARGUMENT_BYTES, b"\0")
     if isinstance(said, ActingFailsafe):
@@ -171,13 +171,13 @@ def parse_px4_event(number: int, arguments: bytes) -> OwnFailsafe | ModeChange |
 
 @dataclass(frozen=True, slots=True)
 class ActingFailsafe:
-    """Where an event of a failsafe that acts, or will, says what: its action comes behind the mode that was wanted."""
+    """Positions of the fields in a failsafe event; the action follows the intended mode."""
 
     cause_at: int | None = None
     delay_at: int | None = None
 
     def read(self, arguments: bytes) -> OwnFailsafe | None:
-        """Return what it says; None of a failsafe that only warns."""
+        """Return the failsafe; None if it only warns."""
         action = arguments[ACTION_AT]
         if action == WARNS:
             return None
@@ -193,7 +193,7 @@ DISARMED_BY: Mapping[int, OwnFailsafe] = MappingProxyType({
     10: OwnFailsafe("attitude", True, "disarmed by its failure detector"),
     14: OwnFailsafe("other", True, "disarmed by a failsafe"),
 })  # fmt: skip
-"""arm_disarm_reason_t, of those that are neither a person's nor a landing's."""
+"""arm_disarm_reason_t values that are neither a person's nor a landing's."""
 
 
 EVENTS: Mapping[str, ActingFailsafe | OwnFailsafe | ModeChange | Mapping[int, OwnFailsafe]] = MappingProxyType({
@@ -223,44 +223,45 @@ EVENTS: Mapping[str, ActingFailsafe | OwnFailsafe | ModeChange | Mapping[int, Ow
     "mission_finished": ModeChange(None, Actor.MISSION),
     "mission_finished_loiter": ModeChange(None, Actor.MISSION),
 })  # fmt: skip
-"""By their names in PX4 1.13 to 1.18."""
+"""Events by their names in PX4 1.13 to 1.18."""
 _BY_NUMBER = MappingProxyType({compute_event_id(name): said for name, said in EVENTS.items()})
 
 
 MODE_CHANNEL_SETTINGS = frozenset({"FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE"})
-"""ArduPilot's, its rovers' and PX4's name of it."""
+"""The parameter for it in ArduPilot Copter, in Rover and in PX4."""
 THROTTLE_LOST_SETTING = "FS_THR_VALUE"
 THROTTLE_LOST_US = 975.0
-"""Its default; PX4 is told by the receiver itself."""
-LEAST_US, MOST_US = 800, 2200
-"""What no receiver sends is no channel."""
+"""Default of FS_THR_VALUE; in PX4 the receiver itself reports a lost transmitter."""
+MIN_US, MAX_US = 800, 2200
+"""Range of channel values that a receiver sends; others are no channel."""
 THROTTLE = 2
 STICKS = 4
-MOST_CHANNELS = 18
+MAX_CHANNELS = 18
 MODE_STEP_US = 80
-"""Six positions of a switch are 160 apart: so much is no noise, nor a knob that is turned."""
+"""Shortest step of the mode switch: its six positions are 160 apart, and noise or a turned knob is less."""
 SWITCH_STEP_US = 200
-"""Any other switch has two or three positions; a knob or a gimbal's wheel moves in smaller steps."""
-REPEATED_S = 0.8
-"""An order that is sent again within this time is the same."""
-MOST_ORDERS, MOST_SWITCHES = 24, 4
-LATE_ORDER_S = 20.0
-"""An older order explains nothing any more."""
+"""Shortest step of any other switch, which has two or three positions; a knob or a gimbal wheel moves in smaller
+steps."""
+SAME_COMMAND_S = 0.8
+"""Time within which a repeated command is the same one."""
+MAX_COMMANDS, MAX_SWITCH_MOVES = 24, 4
+COMMAND_AGE_S = 20.0
+"""Age at which a command no longer explains a mode."""
 
 
 def record_evidence(known: ModeEvidence, message: EvidenceMessage, now_s: float) -> ModeEvidence:
-    """Take what may explain a mode."""
+    """Apply a message that may explain a mode."""
     match message:
         case OrderSeen(custom_mode=mode):
-            if any(one.custom_mode == mode and now_s - seen_s < REPEATED_S for one, seen_s in known.others_orders):
+            if any(one.custom_mode == mode and now_s - seen_s < SAME_COMMAND_S for one, seen_s in known.others_orders):
                 return known
-            young = [one for one in known.others_orders if now_s - one[1] < LATE_ORDER_S]
-            return replace(known, others_orders=(*young, (message, now_s))[-MOST_ORDERS:])
+            young = [one for one in known.others_orders if now_s - one[1] < COMMAND_AGE_S]
+            return replace(known, others_orders=(*young, (message, now_s))[-MAX_COMMANDS:])
         case ModeChange():
             return replace(known, recorded=(message, now_s))
         case RcChannels(values_us):
             moved = _find_moved_switch(known, values_us, now_s)
-            switched = known.switched if moved is None else (*known.switched, moved)[-MOST_SWITCHES:]
+            switched = known.switched if moved is None else (*known.switched, moved)[-MAX_SWITCH_MOVES:]
             return replace(known, channels_us=values_us, channels_s=now_s, switched=switched)
         case VehicleSetting(name, value):
             return _record_setting(known, name, value)
@@ -269,10 +270,10 @@ def record_evidence(known: ModeEvidence, message: EvidenceMessage, now_s: float)
 
 
 def may_be_ours(given: Orders, seen: OrderSeen, now_s: float) -> bool:
-    """Return whether an order that was seen, or its answer, may be one that was given from here.
+    """Return whether a command, or its acknowledgement, may be one of ours.
 
-    Most ground stations have our number, and old firmware answers without one. Who has ordered nothing lately knows
-    that it is another's; who has, does not, and then it proves nothing.
+    Most ground stations share our id, and old firmware acknowledges without one. Without a recent command of ours it is
+    another station's; with one it proves nothing.
     """
     return seen.by is None and now_s - given.ordered_mode_s <= FOLLOWED_LATE_S
 
@@ -280,13 +281,13 @@ def may_be_ours(given: Orders, seen: OrderSeen, now_s: float) -> bool:
 def record_critical_heartbeat(
     known: ModeEvidence, before: Heartbeat | None, beat: Heartbeat, now_s: float
 ) -> ModeEvidence:
-    """Take a HEARTBEAT: both autopilots call themselves critical as long as a failsafe acts."""
+    """Apply a HEARTBEAT: both autopilots report CRITICAL while a failsafe acts."""
     rises = beat.system_status >= CRITICAL and (before is None or before.system_status < CRITICAL)
     return replace(known, critical_s=now_s) if rises and before is not None else known
 
 
 def record_failure(known: ModeEvidence, said: OwnFailsafe, now_s: float) -> ModeEvidence:
-    """Take what has failed, or is over again."""
+    """Apply a failure, or its end."""
     others = tuple(one for one in known.failed if one[0].what != said.what)
     if said.active:
         return replace(known, failed=(*others, (said, now_s)))
@@ -298,7 +299,7 @@ def record_failure(known: ModeEvidence, said: OwnFailsafe, now_s: float) -> Mode
 
 
 def _record_setting(known: ModeEvidence, name: str, value: float) -> ModeEvidence:
-    if name in MODE_CHANNEL_SETTINGS and 0 <= value <= MOST_CHANNELS and value == int(value):
+    if name in MODE_CHANNEL_SETTINGS and 0 <= value <= MAX_CHANNELS and value == int(value):
         return replace(known, mode_channel=int(value))
     if name == THROTTLE_LOST_SETTING and math.isfinite(value):
         return replace(known, throttle_lost_us=value)
@@ -306,25 +307,25 @@ def _record_setting(known: ModeEvidence, name: str, value: float) -> ModeEvidenc
 
 
 def _find_moved_switch(known: ModeEvidence, now_us: tuple[int, ...], now_s: float) -> SwitchMove | None:
-    """Return a switch that was moved since the last report, the one for the modes before others."""
+    """Return a switch moved since the last report, the mode switch first."""
     if _is_transmitter_lost(known, known.channels_us) or _is_transmitter_lost(known, now_us):
-        return None  # a receiver that hears nothing puts its channels where it was told to
+        return None  # a receiver without a transmitter sets its channels to their failsafe values
     mode_channel = known.mode_channel or 0
     moved = [
         SwitchMove(channel, was, now, known.channels_s, now_s)
         for channel, (was, now) in enumerate(zip(known.channels_us, now_us, strict=False), start=1)
         if (channel == mode_channel or channel > STICKS)
-        and LEAST_US <= was <= MOST_US
-        and LEAST_US <= now <= MOST_US
+        and MIN_US <= was <= MAX_US
+        and MIN_US <= now <= MAX_US
         and abs(now - was) >= (MODE_STEP_US if channel in {mode_channel, DEFAULT_MODE_CHANNEL} else SWITCH_STEP_US)
     ]
     return min(moved, key=lambda one: one.channel not in {mode_channel, DEFAULT_MODE_CHANNEL}, default=None)
 
 
 DEFAULT_MODE_CHANNEL = 5
-"""FLTMODE_CH of ArduPilot, where nobody has changed it."""
+"""FLTMODE_CH of ArduPilot by default."""
 
 
 def _is_transmitter_lost(known: ModeEvidence, values_us: tuple[int, ...]) -> bool:
     lost_us = THROTTLE_LOST_US if known.throttle_lost_us is None else known.throttle_lost_us
-    return len(values_us) > THROTTLE and LEAST_US <= values_us[THROTTLE] < lost_us
+    return len(values_us) > THROTTLE and MIN_US <= values_us[THROTTLE] < lost_us

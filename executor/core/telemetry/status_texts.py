@@ -1,7 +1,7 @@
-"""What vehicles say in words, shown without drowning the crew: a faulty one may say a thousand things a second.
+"""Show vehicles' texts without flooding the crew: a faulty vehicle may send a thousand a second.
 
-Everything is in the event log. Of what is worth a line a part is shown in each window of time, the important first, and
-the rest is counted in one line.
+All are in the event log. Of those worth a line, a limited number is shown in each time window, the important ones
+first, and one line counts the rest.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from executor.core.state.vehicle_parts import TextWindow
 from executor.core.state.vehicle_state import VehicleState
 
 CRITICAL_SEVERITY, WARNING_SEVERITY = 2, 4
-"""MAV_SEVERITY; what is less severe than a warning stays in the log."""
-AGAIN_S = 30.0
-"""A text that a vehicle repeats is shown once in this time; ArduPilot says the same for every item of an upload."""
+"""MAV_SEVERITY; texts less severe than a warning stay in the log."""
+REPEAT_S = 30.0
+"""Time within which a repeated text is not shown again; ArduPilot repeats a text for every item of an upload."""
 WINDOW_S = 10.0
 
 
 class TextRank(IntEnum):
-    """How much a text matters."""
+    """The importance of a text."""
 
     IMPORTANT = 0
     """Critical, or about a failsafe or a crash."""
     WARNING = 1
     ABOARD = 2
-    """Of a component that is not the autopilot, whatever it calls it."""
+    """From a component other than the autopilot, whatever its severity."""
 
 
-MOST_LINES = {TextRank.IMPORTANT: 12, TextRank.WARNING: 6, TextRank.ABOARD: 3}
-"""In a window, of each rank by itself: what matters less takes no room from what matters more."""
+MAX_LINES = {TextRank.IMPORTANT: 12, TextRank.WARNING: 6, TextRank.ABOARD: 3}
+"""Lines per window for each rank separately, so that less important texts take no room from more important ones."""
 
 
 def show_text(state: FleetState, vehicle: VehicleState, text: TextMessage, now_s: float) -> Stepped:
-    """Take a text of a vehicle's autopilot, or of something else on board, which is shown and nothing more."""
+    """Apply a text of a vehicle's autopilot, or of another component, whose texts are only shown."""
     alarmed = isinstance(text, StatusText) and vehicle.telemetry.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
         return state, ()
@@ -53,7 +53,7 @@ def show_text(state: FleetState, vehicle: VehicleState, text: TextMessage, now_s
 
 
 def report_suppressed_texts(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
-    """Say how many texts were passed over, once their window has ended."""
+    """Report the number of texts left out, once their window has ended."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
         if vehicle.telemetry.texts.passed_over and now_s - vehicle.telemetry.texts.since_s >= WINDOW_S:
@@ -67,9 +67,9 @@ def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, said: S
     flow, commands = vehicle.telemetry.texts, list[Command]()
     if now_s - flow.since_s >= WINDOW_S:
         flow, commands = _begin_window(vehicle, now_s)
-    if _strip_number(said.text) == _strip_number(flow.last[0]) and now_s - flow.last[1] <= AGAIN_S:
+    if _strip_number(said.text) == _strip_number(flow.last[0]) and now_s - flow.last[1] <= REPEAT_S:
         flow = replace(flow, last=(said.text, now_s))
-    elif flow.shown[rank] >= MOST_LINES[rank]:
+    elif flow.shown[rank] >= MAX_LINES[rank]:
         flow = replace(flow, passed_over=flow.passed_over + 1)
     else:
         shown = tuple(count + (other == rank) for other, count in enumerate(flow.shown))
@@ -79,7 +79,7 @@ def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, said: S
 
 
 def _strip_number(line: str) -> str:
-    """Return a line without the number behind it: ArduPilot's "Potential Thrust Loss (3)" names another motor by turns.
+    """Return a line without its trailing number: ArduPilot's "Potential Thrust Loss (3)" alternates between motors.
 
     >>> _strip_number("uav2 says: Potential Thrust Loss (3)")
     'uav2 says: Potential Thrust Loss'
@@ -88,7 +88,7 @@ def _strip_number(line: str) -> str:
 
 
 def _begin_window(vehicle: VehicleState, now_s: float) -> tuple[TextWindow, list[Command]]:
-    """Begin a window; say what was passed over in the last one."""
+    """Begin a window; report the texts left out of the last one."""
     flow = vehicle.telemetry.texts
     count, took_s = flow.passed_over, now_s - flow.since_s
     said = link.MORE_TEXTS.say(vehicle=vehicle.name, texts=format_count(count, "more text"), time_s=took_s)

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.core.forwarding import (
-    BEAT_BURST,
-    BEAT_HZ,
     BURST_S,
     CORRECTIONS,
     CORRECTIONS_BYTES_S,
     FLOODS,
     HEARTBEAT,
+    HEARTBEAT_BURST,
+    HEARTBEAT_HZ,
     LINK_REPORTS,
     REQUEST_MESSAGE,
     SET_MESSAGE_INTERVAL,
@@ -126,7 +126,7 @@ def test_heartbeats_pass_once_a_second_at_most_and_each_that_is_in_time_does(
     beat = frame(HEARTBEAT)
     passed = [at_s for at_s, _, _ in send(make_allowance(share_bytes_s), [(beat, one, True) for one in after])]
     for first, from_s in enumerate(passed):
-        assert len(passed) - first <= BEAT_BURST + BEAT_HZ * (passed[-1] - from_s) + 1e-6
+        assert len(passed) - first <= HEARTBEAT_BURST + HEARTBEAT_HZ * (passed[-1] - from_s) + 1e-6
     if all(one >= 1.0 for one in after):
         assert len(passed) == len(after)
 

@@ -17,7 +17,6 @@ from executor.core.radio_budget import (
     STREAMS_HZ,
     STREAMS_SHARE,
     THINNED_HZ,
-    UNMEASURED,
     LinkMeasures,
     RadioShare,
     check_radio,
@@ -49,7 +48,7 @@ def test_every_stream_has_a_size_and_every_step_asks_for_less(dialect: Dialect) 
 def test_without_a_radio_nothing_is_thinned(dialect: Dialect) -> None:
     share = RadioShare(vehicles=20)
     assert share.choose_streams_hz(dialect, on_radio=False) == list_streams_hz(dialect)
-    assert check_radio(share, dialect, (UNMEASURED, UNMEASURED)) == []
+    assert check_radio(share, dialect, (LinkMeasures(), LinkMeasures())) == []
 
 
 @DIALECTS
@@ -77,7 +76,7 @@ def test_signatures_count_and_what_the_site_says_counts_more_than_a_guess() -> N
 
 
 def test_the_checklist_says_what_is_asked_of_what_it_carries() -> None:
-    [check] = check_radio(RadioShare(4, bytes_s=5000.0), ARDUPILOT, (REPORTED, UNMEASURED))
+    [check] = check_radio(RadioShare(4, bytes_s=5000.0), ARDUPILOT, (REPORTED, LinkMeasures()))
     assert (check.severity, check.text) == (Severity.OK, "2.6 of 5.0 kB/s, round trip 0.4 s, 3 % lost")
     [check] = check_radio(RadioShare(3), ARDUPILOT, (REPORTED,))
     assert check.severity is Severity.OK

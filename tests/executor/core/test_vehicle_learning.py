@@ -6,7 +6,7 @@ import pytest
 
 from executor.core import vehicle_learning
 from executor.core.battery.kalman import Prior
-from executor.core.vehicle_learning import BOUNDS, FIRST_SD, LEAST_SD, LearnedFactors, PaceEstimate, update_pace
+from executor.core.vehicle_learning import BOUNDS, FIRST_SD, SMALLEST_SD, LearnedFactors, PaceEstimate, update_pace
 from missions import Phase
 
 
@@ -25,7 +25,7 @@ def test_a_slow_vehicle_is_known_after_some_legs() -> None:
     for _ in range(10):
         known = vehicle_learning.learn_from_leg(known, Phase.INSPECT, 57.5, 50.0)
     assert known.inspect.mean == pytest.approx(1.15, abs=0.005)
-    assert LEAST_SD <= known.inspect.sd < 0.02
+    assert SMALLEST_SD <= known.inspect.sd < 0.02
     assert (known.inspect.legs, known.transit) == (10, PaceEstimate())
 
 
@@ -53,7 +53,7 @@ def test_consumption_is_as_sure_as_what_was_used_is_much() -> None:
     long = vehicle_learning.estimate_consumption(LearnedFactors(given_pct=46.0, modelled_pct=40.0), Prior())
     assert 1.0 < short.factor < long.factor < 1.15
     assert long.factor == pytest.approx(1.145, abs=0.001)
-    assert LEAST_SD < long.sd < short.sd < Prior().sd
+    assert SMALLEST_SD < long.sd < short.sd < Prior().sd
     assert vehicle_learning.estimate_consumption(LearnedFactors(), Prior(1.1, 0.05)) == Prior(1.1, 0.05)
 
 

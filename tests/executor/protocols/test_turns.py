@@ -7,7 +7,7 @@ import math
 import pytest
 
 from executor.core.interface.messages import Radio
-from executor.core.radio_budget import FULL_PCT
+from executor.core.radio_budget import FULL_BUFFER_PCT
 from executor.protocols.turns import STALLED_S, Rank, Turn, find_wait_s, is_buffer_full, is_next
 
 SOON, LATER = Turn(Rank.IN_FLIGHT, 12.0, 3), Turn(Rank.IN_FLIGHT, 40.0, 1)
@@ -34,7 +34,7 @@ def test_it_is_looked_again_when_the_last_one_may_have_stalled() -> None:
 
 @pytest.mark.parametrize(
     ("free_pct", "age_s", "full"),
-    [(FULL_PCT - 1, 0.5, True), (FULL_PCT, 0.5, False), (0, 3.0, False), (None, 0.0, False)],
+    [(FULL_BUFFER_PCT - 1, 0.5, True), (FULL_BUFFER_PCT, 0.5, False), (0, 3.0, False), (None, 0.0, False)],
 )
 def test_a_buffer_is_full_by_a_report_of_just_now(free_pct: int | None, age_s: float, *, full: bool) -> None:
     radio = Radio(200, 200, 50, 50, free_pct)

@@ -136,7 +136,7 @@ async def test_what_is_known_of_the_round_trip_is_known_to_the_next_dialogue() -
 async def test_nothing_is_asked_again_while_the_radio_says_that_it_is_full() -> None:
     board = Board(PX4)
     board.link.cut = True
-    reading = asyncio.ensure_future(procedures.read_mission(board.link, board.clock))
+    reading = asyncio.ensure_future(procedures.read_list(board.link, board.clock))
 
     async def report() -> None:
         while board.clock.now_s() < 5.0:

@@ -192,7 +192,7 @@ def test_orders_and_questions_go_on_over_the_other_link(dialect: Dialect) -> Non
         items = route(dialect, LEGS)
         assert (await procedures.upload_and_verify(link, clock, dialect, items)).accepted
         sky.silence(1 + CONNECTIONS.index(sky.used))
-        read, found, began_s = asyncio.ensure_future(procedures.read_mission(link, clock)), None, clock.now_s()
+        read, found, began_s = asyncio.ensure_future(procedures.read_list(link, clock)), None, clock.now_s()
         rule = dialect.ground_station_failsafe
         found = await procedures.read_parameter(link, clock, rule.action)
         assert found.value is not None

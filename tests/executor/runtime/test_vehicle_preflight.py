@@ -25,7 +25,7 @@ from executor.core.interface.messages import (
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.radio_budget import list_streams_hz
-from executor.core.telemetry.vehicle_identity import MOST_NAMED
+from executor.core.telemetry.vehicle_identity import MAX_SYSTEMS
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
 from executor.runtime import vehicle_preflight
@@ -122,7 +122,7 @@ async def test_two_hundred_strangers_before_the_flight_are_a_few_lines() -> None
     ready = Ready(PX4)
     for system in range(2, 202):
         ready.says(StationHeard(system, 190), 0.5)
-    assert len((await ready.interview()).stations) == MOST_NAMED
+    assert len((await ready.interview()).stations) == MAX_SYSTEMS
 
 
 async def test_a_thousand_reasons_are_told_once_a_second() -> None:

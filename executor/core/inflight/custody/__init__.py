@@ -1,1 +1,1 @@
-"""Who has a vehicle, and whose mission it carries: ours, its own failsafe's, a person's."""
+"""Which party controls a vehicle, and whose mission is on board: ours, its failsafe's, or a person's."""

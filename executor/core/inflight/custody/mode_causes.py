@@ -1,12 +1,12 @@
-"""Who changed a vehicle's mode, and who has it: this flight, the vehicle itself, or a person.
+"""Decide who changed a vehicle's mode, and which party controls it: this flight, the vehicle, or a person.
 
-A mode that nobody ordered here may be anybody's. What proves the most is asked first: the autopilot's own record, then
-an order for that very mode, a switch of the transmitter, and what the autopilot says has failed. What nothing explains
-is unknown: both autopilots say in words, or by a critical HEARTBEAT, that a failsafe acts.
+A mode we did not command may be anybody's. The strongest evidence comes first: the autopilot's own record, a command
+for that mode, a transmitter switch, a reported failure. Without evidence it is unknown: both autopilots report an
+active failsafe in a text or by a critical HEARTBEAT.
 
-Where this flight has a plan, every change of mode has a cause. One that was ordered here is ours; one that a failsafe,
-the mission's end or a landing explains is the vehicle's own; whatever is left is a person's, by mode switch, sticks or
-another ground station. In doubt it is a person's: then nothing is commanded.
+In a planned flight every mode change has a cause. One that we commanded is ours; one explained by a failsafe, the
+mission's end or a landing is the vehicle's own; any other is a person's, by mode switch, sticks or another ground
+station. In doubt it is a person's, and nothing is commanded.
 """
 
 from __future__ import annotations
@@ -28,44 +28,48 @@ from missions import Dialect, Phase
 from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission_mode
 
 RECORDED_S = 2.0
-"""A mode's record and the HEARTBEAT that shows it come one after the other; the HEARTBEAT up to a second later."""
+"""Largest distance between a mode's record and its HEARTBEAT, which comes up to a second later."""
 ORDERED_S = 5.0
-"""An order is sent again until it is followed, and its answer may come this long before the HEARTBEAT."""
+"""Time from a command, which is resent until it takes effect, to the HEARTBEAT that shows it; its acknowledgement may
+come in between."""
 ANSWERED_S = 3.0
-"""An answer that was seen may also come after it."""
+"""Time by which an acknowledgement may come after it."""
 SWITCHED_S = 2.5
-"""A switch takes the autopilot a moment, and the HEARTBEAT that shows it a second more."""
+"""Time from a switch move to the HEARTBEAT that shows its mode: a moment for the autopilot, and a second."""
 LATE_CHANNELS_S = 1.0
-"""Its channels may be reported after the HEARTBEAT."""
+"""Time by which channels may be reported after the HEARTBEAT."""
 BEAT_S, MOST_LATE_S = 1.0, 15.0
-"""A HEARTBEAT comes every second; in a longer gap than this a silence is judged, and no change of mode."""
+"""Interval of HEARTBEATs, and the longest gap over which a mode change is dated; a longer one is judged as a
+silence."""
 CRITICAL_S = 2.5
 SAID_BEFORE_S, SAID_AFTER_S = 15.0, 4.0
-"""A failsafe's text comes before its mode by as long as it holds first, and after it by as long as a text may take."""
+"""Times by which a failsafe's text precedes its mode, as it may hold first, and follows it, as a text may be
+delayed."""
 NAMED_S = 5.0
 OVER_S = 2.0
-"""What was over so shortly before a HEARTBEAT showed a mode may have led there: a return ends a breach at once."""
+"""Time before the HEARTBEAT within which a failure that is over may have caused its mode: a return ends a breach at
+once."""
 BREACHED_S = 4.0
-"""A breach is said once a second or two."""
+"""Tolerance of a breach report, which comes every second or two."""
 SETTLED_S = 4.0
-"""After so long nothing comes any more that explains a mode."""
+"""Time after which no more evidence for a mode arrives."""
 GEOFENCE_SENSOR = 0x100000
 """MAV_SYS_STATUS_GEOFENCE."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attribution:
-    """Who changed a mode, and what says so."""
+    """The party that changed a mode, and the evidence."""
 
     by: Actor
     why: str = ""
-    """In words, empty where nothing says it."""
+    """In words; empty without evidence."""
     failed: OwnFailsafe | None = None
-    """What has failed, if it was a failsafe that says so."""
+    """The failure, for a failsafe that reports one."""
 
 
 def attribute_mode_change(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:
-    """Return who put a vehicle into the mode that its newest HEARTBEAT shows."""
+    """Return the party that set the mode in a vehicle's newest HEARTBEAT."""
     if vehicle.telemetry.heartbeat is None:
         return Attribution(Actor.UNKNOWN)
     mode, known, at_s = vehicle.telemetry.heartbeat.custom_mode, vehicle.evidence, vehicle.telemetry.mode_since_s
@@ -85,7 +89,7 @@ def attribute_mode_change(setup: VehicleSetup, vehicle: VehicleState) -> Attribu
 
 
 def _mode_delay_s(vehicle: VehicleState) -> float:
-    """Return how much earlier than usual its mode may have changed: HEARTBEATs get lost, and nobody saw it."""
+    """Return by how much earlier than usual its mode may have changed, as HEARTBEATs were lost."""
     told = vehicle.telemetry
     if told.mode_before_s is None:
         return 0.0
@@ -103,7 +107,7 @@ def _match_record(known: ModeEvidence, at_s: float, mode: int) -> Attribution | 
 
 
 def _match_failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mode: int) -> Attribution | None:
-    """Return the failsafe that may have led to a mode: home, down, a hold, or one that needs no position."""
+    """Return the failsafe that may have caused a mode: RTL, landing, hold, or a mode without position."""
     modes, known = setup.dialect.modes, vehicle.evidence
     safe = is_home_mode(setup.dialect, mode) or mode == modes.hold.custom_mode
     failed = _find_failure(known, at_s)
@@ -118,19 +122,19 @@ def _match_failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mod
 
 
 def is_fence_breached_near(vehicle: VehicleState, at_s: float) -> bool:
-    """Return whether it said about then that its fence is breached, or still says so."""
+    """Return whether it reported its fence breached around that time, or still does."""
     return vehicle.sensors.fence_breached or abs(vehicle.sensors.breached_s - at_s) <= BREACHED_S
 
 
 def describe_fence_action(setup: VehicleSetup, vehicle: VehicleState) -> str:
-    """Return in words that its fence put it into its mode; nothing if that is not known."""
+    """Return in words that its fence caused its mode; empty if unknown."""
     who = attribute_mode_change(setup, vehicle)
     named = who.by is Actor.FAILSAFE and who.failed is not None and who.failed.what == "fence"
     return who.why if named else ""
 
 
 def _is_at_mission_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
-    """Return whether the item that it flies to is the last of its mission but one: its last may be a return."""
+    """Return whether its current item is the last or last but one, as the last may be a return."""
     seq, total = vehicle.telemetry.item or (0, None)
     if not total or total == NO_ITEM or not vehicle.sortie.flew_mission:
         return False
@@ -139,7 +143,7 @@ def _is_at_mission_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
 
 
 def find_switch_before(known: ModeEvidence, at_s: float, late_s: float = 0.0) -> str:
-    """Return in words which switch of its transmitter was moved just before a moment; nothing if none was."""
+    """Return in words the transmitter switch moved just before a time; empty if none."""
     for moved in reversed(known.switched):
         if moved.from_s <= at_s + LATE_CHANNELS_S and moved.to_s >= at_s - late_s - SWITCHED_S:
             return failsafe.SWITCHED.format(channel=moved.channel, was_us=moved.was_us, now_us=moved.now_us)
@@ -147,12 +151,12 @@ def find_switch_before(known: ModeEvidence, at_s: float, late_s: float = 0.0) ->
 
 
 def is_attribution_final(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether nothing more is to be expected that says who changed its mode."""
+    """Return whether no more evidence for its mode change is expected."""
     return now_s - vehicle.telemetry.mode_since_s >= SETTLED_S
 
 
 def _has_foreign_order(known: ModeEvidence, at_s: float, late_s: float, mode: int | None) -> bool:
-    """Return whether a mode was ordered just before a moment; None for one that nobody named."""
+    """Return whether another station commanded a mode just before a time; None for an unnamed mode."""
     return any(
         order.custom_mode == mode and -ORDERED_S - late_s <= seen_s - at_s <= (ANSWERED_S if mode is None else 1.0)
         for order, seen_s in known.others_orders
@@ -160,7 +164,7 @@ def _has_foreign_order(known: ModeEvidence, at_s: float, late_s: float, mode: in
 
 
 def _find_failure(known: ModeEvidence, at_s: float) -> OwnFailsafe | None:
-    """Return what an autopilot says failed, and acts, about when its mode changed, what names its reason first."""
+    """Return the failure acted on when the mode changed, one with a named reason first."""
     lasted = [(failed, said_s) for failed, said_s, over_s in known.passed if over_s >= at_s - OVER_S]
     young = [
         one for one in (*known.failed, *lasted)
@@ -174,11 +178,11 @@ def _find_failure(known: ModeEvidence, at_s: float) -> OwnFailsafe | None:
 
 
 SURE_AFTER_S = 1.0
-"""A failsafe's text may come after the heartbeat that shows its mode: so long a change of mode is looked at."""
+"""Time for which a mode change is not yet final; a failsafe's text may follow the HEARTBEAT with its mode."""
 LATE_TEXT_S = 4.0
-"""A text this long after a change of mode still explains it."""
+"""Longest delay of a text that explains a mode change."""
 OVERTAKEN_S = 3.0
-"""A start that was withdrawn is seen to have been followed within two heartbeats, and some of their way."""
+"""Time in which a withdrawn start shows whether it took effect: two HEARTBEATs and their delay."""
 CHARGE_CRITICAL, CHARGE_EMERGENCY = 3, 4
 """MAV_BATTERY_CHARGE_STATE."""
 
@@ -186,7 +190,7 @@ CHARGE_CRITICAL, CHARGE_EMERGENCY = 3, 4
 def update_mode_cause(
     context: Scene, absences: Sequence[GroundStationAbsence], before: VehicleState, after: VehicleState, now_s: float
 ) -> VehicleState:
-    """Return a vehicle with the cause of its mode, after a HEARTBEAT; `absences` are those of the ground station."""
+    """Return a vehicle with the cause of its mode after a HEARTBEAT; `absences` are the ground station's."""
     beat, old = after.telemetry.heartbeat, before.telemetry.heartbeat
     if beat is None:
         return after
@@ -196,14 +200,14 @@ def update_mode_cause(
     if old is not None and old.custom_mode == beat.custom_mode and not armed_now:
         return after
     if old is None or (after.stage is Stage.STARTING and old.custom_mode == beat.custom_mode):
-        # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
+        # First contact, or armed by us in its present mode: nothing has changed.
         return after.with_custody(cause=ModeCause.OURS)
     cause = determine_mode_cause(context, absences, before, after, now_s)
     certain = cause is ModeCause.PERSON and (
         _must_be_person(context, before, after) or is_set_by_person(context, after)
     )
     left = old.custom_mode in after.orders.ordered_modes and beat.custom_mode not in after.orders.ordered_modes
-    # An order that was followed, and left again, explains no later mode.
+    # A command that took effect, and whose mode was left again, explains no later mode.
     return after.with_custody(cause=cause, certain=certain).with_orders(
         ordered_modes=frozenset() if left else after.orders.ordered_modes
     )
@@ -212,7 +216,7 @@ def update_mode_cause(
 def review_mode_cause(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> VehicleState:
-    """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
+    """Return a vehicle whose mode change was explained by later evidence, or is no longer explained."""
     if vehicle.custody.cause is ModeCause.FAILSAFE and (
         is_unseen_hold(context, vehicle)
         or _is_hold_after_failsafe(context, absences, vehicle, now_s)
@@ -222,9 +226,9 @@ def review_mode_cause(
     ):
         return vehicle.with_custody(cause=ModeCause.PERSON, certain=True)
     aloft = vehicle.armed and vehicle.telemetry.on_ground is False
-    holds = aloft and _is_holding(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
-    if vehicle.custody.cause is ModeCause.MISSION and holds:  # where its mission's end would have it on the ground
-        # In its landing a failsafe holds it as anywhere else, and says so.
+    holds = aloft and is_holding(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
+    if vehicle.custody.cause is ModeCause.MISSION and holds:  # where its mission's end would leave it on the ground
+        # In its landing a failsafe makes it hold as anywhere, and reports it.
         itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
         cause = ModeCause.FAILSAFE if itself else ModeCause.PERSON
         return vehicle.with_custody(cause=cause, certain=not itself)
@@ -236,41 +240,42 @@ def review_mode_cause(
 
 
 CALM_S = 2.5
-"""Two heartbeats, and some of their way."""
+"""Time for two HEARTBEATs and their delay."""
 
 
-def _is_holding(context: Scene, vehicle: VehicleState) -> bool:
+def is_holding(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it reports a hold."""
     return vehicle.mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
 
 
 def _is_holding_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether it holds and its heartbeats know of nothing: a failsafe that acts makes them critical.
+    """Return whether it holds without a critical HEARTBEAT, which an active failsafe would cause.
 
-    PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody
-    can send, or a silence explains a hold for a moment only.
+    PX4 reports CRITICAL while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which
+    anybody can send, or a silence explains a hold for a moment only.
     """
     beat_s = vehicle.link.heartbeat_s
-    if beat_s is None or not _is_holding(context, vehicle) or not vehicle.armed:
+    if beat_s is None or not is_holding(context, vehicle) or not vehicle.armed:
         return False
     if vehicle.is_critical or vehicle.sensors.fence_breached:
         return False
-    # Of a heartbeat that came late enough: the one that first shows the mode may be older than its failsafe's flag.
+    # By a HEARTBEAT late enough: the first one with the mode may precede the failsafe's flag.
     return beat_s - vehicle.telemetry.mode_since_s >= CALM_S and now_s >= beat_s
 
 
 HOVERS_S = 2.5
-"""A vehicle that holds at the end of a mission stands on the ground, and says so every second."""
+"""Time after which a vehicle that holds at its mission's end should report on ground, as it does every second."""
 
 
 def determine_mode_cause(  # noqa: PLR0911 - one return for each cause
     context: Scene, absences: Sequence[GroundStationAbsence], before: VehicleState, vehicle: VehicleState, now_s: float
 ) -> ModeCause:
-    """Return why a vehicle is in the mode that its newest heartbeat shows."""
+    """Return the cause of the mode in a vehicle's newest HEARTBEAT."""
     dialect, mode = context.vehicles[vehicle.name].dialect, vehicle.mode
     if mode is None:
         return ModeCause.OURS
     if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not has_never_landed(context, vehicle):
-        # It arms, and nobody here said so; or what was said overtook its start.
+        # It armed without a command of ours, or its start was withdrawn too late.
         return ModeCause.OURS if may_arm_late(vehicle, now_s) else ModeCause.PERSON
     if is_manual_mode(dialect, mode):
         return ModeCause.PERSON
@@ -281,7 +286,7 @@ def determine_mode_cause(  # noqa: PLR0911 - one return for each cause
         return ModeCause.OURS
     goes_down = dialect.ends_in_other_mode and _is_landing_after_return(dialect, before, vehicle)
     if goes_down and not _is_landing_elsewhere(context, before, vehicle):
-        return before.custody.cause  # a return ends in a landing
+        return before.custody.cause  # an RTL ends in a landing
     if before.custody.cause is not ModeCause.PERSON and _is_mission_end(context, before, vehicle, mode):
         return ModeCause.MISSION
     if _must_be_person(context, before, vehicle) or is_set_by_person(context, vehicle):
@@ -294,31 +299,31 @@ def determine_mode_cause(  # noqa: PLR0911 - one return for each cause
 
 
 def _must_be_person(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
-    """Return whether what explained the mode before explains no other one."""
+    """Return whether the cause of the previous mode rules out any but a person."""
     dialect = context.vehicles[vehicle.name].dialect
     if not before.armed or vehicle.mode is None:
         return False
     if before.custody.cause is ModeCause.PERSON:
-        # Who has it changes its mode again, unless it says anew what it does by itself.
+        # A person who has it changes its mode again, unless it newly reports an action of its own.
         text, said_s = vehicle.telemetry.alarm
         return not (CHANGES_MODE.search(text) and said_s >= before.telemetry.mode_since_s)
-    if not _is_holding(context, vehicle) or not is_home_mode(dialect, before.mode):
+    if not is_holding(context, vehicle) or not is_home_mode(dialect, before.mode):
         return False
-    # A failsafe holds before it returns, and never after; on a return that was ordered only one that holds first.
+    # A failsafe holds before it returns, never after; in a commanded RTL only one that holds first can.
     holds_first = dialect.ground_station_failsafe.pause is not None or vehicle.sensors.fence_breached
     return before.custody.cause is ModeCause.FAILSAFE or (before.custody.cause is ModeCause.OURS and not holds_first)
 
 
 def is_set_by_person(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether its pilot's switch was moved, or another station ordered its mode, when it changed.
+    """Return whether a pilot's switch or another station's command coincided with its mode change.
 
-    That may be by chance: then a failsafe is left to a person who looks at it, and not the other way round.
+    That may be chance: then a failsafe is left to a person watching it, rather than the reverse.
     """
     return attribute_mode_change(context.vehicles[vehicle.name], vehicle).by in {Actor.PILOT, Actor.GROUND_STATION}
 
 
 def has_never_landed(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that was taken to have landed is armed high in the air: nobody starts it there."""
+    """Return whether a vehicle counted as landed is armed high in the air, where no start happens."""
     fix = vehicle.motion.fix
     if vehicle.stage is not Stage.LANDED or not vehicle.armed or not vehicle.sortie.took_off or fix is None:
         return False
@@ -327,7 +332,7 @@ def has_never_landed(context: Scene, vehicle: VehicleState) -> bool:
 
 
 def may_arm_late(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle that was told to stay on the ground may arm all the same: its start was on the way."""
+    """Return whether a vehicle kept on the ground may still arm, as its start was in transit."""
     left_s = vehicle.sortie.left_s
     told = vehicle.stage is Stage.LANDED and not vehicle.sortie.took_off and left_s is not None
     return told and now_s - (left_s or 0.0) <= OVERTAKEN_S
@@ -338,7 +343,7 @@ def _is_landing_after_return(dialect: Dialect, before: VehicleState, vehicle: Ve
 
 
 def _is_return_after_landing(dialect: Dialect, before: VehicleState, mode: int) -> bool:
-    """Return whether it leaves a landing for the return that it was a part of: none does so by itself."""
+    """Return whether it leaves a landing for the RTL that it was part of, which none does by itself."""
     return (
         before.armed
         and before.mode == dialect.modes.land.custom_mode != mode
@@ -348,14 +353,14 @@ def _is_return_after_landing(dialect: Dialect, before: VehicleState, mode: int) 
 
 
 def _is_landing_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
-    """Return whether it breaks off its return for a landing on its way: somebody told it to, or it says why.
+    """Return whether it breaks off its RTL for a landing on the way: commanded by another party, or explained.
 
-    Where it was some time ago is no place that it lands at: nobody knows then that it has come home.
+    An old position does not show that it has reached its pad.
     """
     dialect, modes = context.vehicles[vehicle.name].dialect, vehicle.orders.ordered_modes
     if not before.armed or before.mode == vehicle.mode or not _is_landing_after_return(dialect, before, vehicle):
         return False
-    # An order to return that is followed explains no landing elsewhere; one to land does.
+    # A followed RTL command explains no landing elsewhere; a landing command does.
     ordered = vehicle.mode in modes and before.mode not in modes
     fix, limits = vehicle.motion.fix, context.limits
     home = fix is None or (
@@ -365,25 +370,25 @@ def _is_landing_elsewhere(context: Scene, before: VehicleState, vehicle: Vehicle
 
 
 def _is_mission_end(context: Scene, before: VehicleState, vehicle: VehicleState, mode: int) -> bool:
-    """Return whether a mission's own last items lead to this mode.
+    """Return whether the last items of a mission lead to this mode.
 
-    PX4 leaves mission mode for a landing, and holds when it stands on the ground: nothing follows on that.
+    PX4 leaves mission mode for a landing, and holds once on the ground: nothing follows that.
     """
     dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
     if vehicle.stage is not Stage.FLYING or leg is None or not dialect.ends_in_other_mode:
         return False
     fix = vehicle.motion.fix
     low = fix is not None and fix.alt_rel_m <= context.limits.airborne_m
-    # A failsafe holds it in its landing as anywhere else.
-    ends_in_hold = _is_holding(context, vehicle) and low and not vehicle.is_critical
-    itself = ends_in_hold or (is_home_mode(dialect, mode) and not _is_holding(context, before))
+    # A failsafe makes it hold in its landing as anywhere.
+    ends_in_hold = is_holding(context, vehicle) and low and not vehicle.is_critical
+    itself = ends_in_hold or (is_home_mode(dialect, mode) and not is_holding(context, before))
     return itself and leg.phase is Phase.LAND
 
 
 def _is_explained_by_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
-    if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not _is_holding(context, vehicle):
+    if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not is_holding(context, vehicle):
         return False
     text, said_s = vehicle.telemetry.alarm
     return (
@@ -398,67 +403,66 @@ def _is_explained_by_failsafe(
 
 
 def _is_newly_critical(vehicle: VehicleState, within_s: float) -> bool:
-    """Return whether a failsafe is in force that began about when the mode changed.
+    """Return whether a failsafe is active that began about when the mode changed.
 
-    One that was in force long before explains nothing: ArduPilot's stays so after a failsafe whose action was to warn,
-    or to go on with the mission.
+    An older one explains nothing: ArduPilot's stays active after one whose action was to warn, or to continue the
+    mission.
     """
     since_s = vehicle.telemetry.critical_since_s
     return vehicle.is_critical and (since_s is None or vehicle.telemetry.mode_since_s - since_s <= within_s)
 
 
 def is_unseen_hold(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether it was found to hold after so long that a failsafe which only holds first would have gone on.
+    """Return whether it was found holding after longer than a failsafe that only holds first would.
 
-    By its own clock: what waited for a ground station that stood still comes late, all of it.
+    By the vehicle's clock: messages queued while the ground station paused arrive late.
     """
     fix, from_s = vehicle.motion.fix, vehicle.custody.unseen_from_boot_s
-    if not _is_holding(context, vehicle) or not _is_unseen_change(vehicle):
+    if not is_holding(context, vehicle) or not _is_unseen_change(vehicle):
         return False
     if fix is None or from_s is None or fix.at_s < vehicle.telemetry.mode_since_s:
         return False
     unseen_s = fix.boot_s - (fix.at_s - vehicle.telemetry.mode_since_s) - from_s
-    failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns; its hold is included
     return unseen_s >= (max_failsafe_hold_s(context, vehicle.name) if failsafe_s is None else failsafe_s + HOLDS_ON_S)
 
 
 def max_failsafe_hold_s(context: Scene, name: str) -> float:
-    """Return how long a vehicle may hold before a failsafe of its own acts: COM_FAIL_ACT_T may be set to 25 s."""
+    """Return how long a vehicle may hold before its own failsafe acts; COM_FAIL_ACT_T may be up to 25 s."""
     limits = context.limits
     return max(limits.failsafe_hold_s, context.vehicles[name].holds_s + limits.failsafe_late_s)
 
 
 def is_long_hold(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether it was heard to hold for longer than any failsafe that only holds first, by its HEARTBEATs.
+    """Return whether its HEARTBEATs show a hold longer than any failsafe that only holds first.
 
-    Who was silent may have stood still, and its clock with it; who sends no HEARTBEAT may have gone on.
+    A silent vehicle may have paused, and its clock too; one without HEARTBEATs may have left the hold.
     """
     link = vehicle.link
-    if not _is_holding(context, vehicle):
+    if not is_holding(context, vehicle):
         return False
     from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
     return (link.heartbeat_s or 0.0) - from_s >= max_failsafe_hold_s(context, vehicle.name)
 
 
 def is_failsafe_in_hold(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether a failsafe that holds first has begun in a hold of ours: the mode does not show it."""
+    """Return whether a failsafe that holds first began in a hold of ours, where the mode does not show it."""
     told = vehicle.telemetry
     if context.vehicles[vehicle.name].dialect.ground_station_failsafe.pause is None:
         return False
     text, said_s = told.alarm
     began_s = max(told.critical_since_s or -math.inf, said_s if CHANGES_MODE.search(text) else -math.inf)
-    holds = _is_holding(context, vehicle) and began_s > told.mode_since_s
+    holds = is_holding(context, vehicle) and began_s > told.mode_since_s
     return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < max_failsafe_hold_s(context, vehicle.name)
 
 
 def _is_hold_after_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
-    """Return whether a failsafe that holds before it acts has not acted: somebody told it to hold meanwhile.
+    """Return whether a failsafe that holds first has not acted, as another party commanded a hold meanwhile.
 
-    On PX4 that ends what the failsafe had in mind, and no HEARTBEAT shows it: the mode is the same (framework.cpp). A
-    fence, or a lost ground station where no return is set for that, may be answered by a hold alone; an empty battery
-    never is.
+    In PX4 that ends the failsafe's action, and no HEARTBEAT shows it: the mode is the same (framework.cpp). A fence
+    breach, or a lost ground station without RTL as its action, may end in a hold; an empty battery never does.
     """
     setup = context.vehicles[vehicle.name]
     if setup.dialect.ground_station_failsafe.pause is None or not is_long_hold(context, vehicle):
@@ -475,72 +479,72 @@ def _is_hold_after_failsafe(
 
 
 def _has_reported_takeover(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether it says itself that somebody took over while its failsafe held it: PX4 does, by an event."""
+    """Return whether it reports itself that a person took over during its failsafe's hold, as PX4 does by an event."""
     (recorded, recorded_s), since_s = vehicle.evidence.recorded, vehicle.telemetry.mode_since_s
-    if not _is_holding(context, vehicle) or vehicle.orders.ordered_mode_s >= since_s:
-        return False  # what is ordered here is one who takes over, too
+    if not is_holding(context, vehicle) or vehicle.orders.ordered_mode_s >= since_s:
+        return False  # our own command counts as a takeover too
     return recorded is not None and recorded.by is Actor.PILOT and recorded_s >= since_s
 
 
 def _is_unseen_change(vehicle: VehicleState) -> bool:
-    """Return whether the mode changed in a silence of the vehicle's link, which is what failsafes are for."""
+    """Return whether the mode changed during a silence of its link, as failsafes are for."""
     until_s = vehicle.custody.unseen_until_s
     return until_s is not None and vehicle.telemetry.mode_since_s == until_s
 
 
 def _may_follow_silence(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether its GCS failsafe leads to a mode, as far as it is known; or its mission, over its pad."""
+    """Return whether its GCS failsafe leads to its mode, as far as known; or its mission does, over its pad."""
     setup = context.vehicles[vehicle.name]
     dialect = setup.dialect
     if not setup.returns:
         return True
     if vehicle.mode == dialect.modes.land.custom_mode:
         return dialect.ends_in_other_mode and is_home_by_own_estimate(context, vehicle)
-    return not _is_holding(context, vehicle) or dialect.ground_station_failsafe.pause is not None
+    return not is_holding(context, vehicle) or dialect.ground_station_failsafe.pause is not None
 
 
 HOLDS_ON_S = 5.0
-"""PX4's clock and ours differ by what its link adds."""
+"""Tolerance between PX4's clock and ours, for link delays."""
 REACTS_S = 30.0
-"""PX4 holds before it returns, and reports the change of mode a second later."""
+"""Time for PX4 to hold, return, and report the mode change a second later."""
 AT_ONCE_S = 5.0
-"""What it does because we were away it does, or begins with a hold, when its time is over, and reports it by then."""
+"""Time in which it acts on our absence, or begins its hold, and reports it."""
 COMES_LATE_S = 2.5
-"""What it did while we were away comes late: two heartbeats, and some of their way."""
+"""Time for two HEARTBEATs and their delay, after our return."""
 
 
 def is_gcs_absence_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
-    """Return whether a vehicle's GCS failsafe acts because the ground station was not there, or could not be heard."""
+    """Return whether its GCS failsafe acts on an absence of the ground station, or a failure of our radio."""
     if not absences or (vehicle.mode is not None and not _may_follow_silence(context, vehicle)):
         return False
     away = absences[-1]
     failsafe_s = context.vehicles[vehicle.name].failsafe_s
     if failsafe_s is None and away.deaf and _is_unseen_change(vehicle):
-        failsafe_s = BEAT_S  # it did not say whether it has one, and it has
+        failsafe_s = BEAT_S  # it did not report one, and has one
     began_s = away.until_s - away.pause_s
     dialect, mode_before = context.vehicles[vehicle.name].dialect, vehicle.telemetry.mode_before
     holds = dialect.ground_station_failsafe.pause is not None
     straight = not holds or (mode_before is not None and is_mission_mode(dialect, mode_before))
     due_s, since_s = began_s + (failsafe_s or 0.0) + AT_ONCE_S, vehicle.telemetry.mode_since_s
     if straight and not _is_unseen_change(vehicle) and since_s > max(due_s, away.until_s + COMES_LATE_S):
-        return False  # it was heard on its mission since: its failsafe would have acted, or held it first
+        return False  # received on its mission since: its failsafe would have acted or held by then
     acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
     return acted and since_s >= began_s and now_s - away.until_s <= REACTS_S
 
 
 def is_under_foreign_control(vehicle: VehicleState) -> bool:
-    """Return whether a person has it, or may have: nothing is commanded then."""
+    """Return whether a person controls it, or may: nothing is commanded then."""
     return vehicle.custody.taken is not None or (vehicle.armed and vehicle.custody.cause is ModeCause.PERSON)
 
 
 def is_in_manual_mode(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether it stands in a mode that only a person flies in."""
+    """Return whether its mode is one only a person flies in."""
     return is_manual_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_taken_over(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether it is certain that a person has taken it."""
+    """Return whether a person has certainly taken it."""
     sure = now_s - vehicle.telemetry.mode_since_s >= SURE_AFTER_S
     return sure and vehicle.armed and vehicle.custody.cause is ModeCause.PERSON

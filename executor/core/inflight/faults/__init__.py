@@ -1,1 +1,1 @@
-"""What is watched in flight: link, streams, battery, progress; what is a fault and what a warning."""
+"""Watchpoints and warnings in flight: link, streams, battery, progress."""

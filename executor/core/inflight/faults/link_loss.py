@@ -1,4 +1,4 @@
-"""Silence: of one vehicle, of all of them at once, and our own."""
+"""Distinguish the silence of one vehicle from that of all, and from a pause of the ground station itself."""
 
 from __future__ import annotations
 
@@ -7,35 +7,35 @@ from executor.core.lines import link
 from executor.core.state.fleet_state import FleetState, GroundStationAbsence, Stepped
 from executor.core.state.vehicle_state import Stage, VehicleState
 
-SLEPT_S = 2.0
-"""A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
-ALL = 2
-"""Of fewer vehicles a log does not tell the silence of all from the silence of one."""
-TOLD_AGAIN_S = 300.0
+HOST_PAUSE_S = 2.0
+"""Gap between two ticks that counts as a pause of our own: messages may have been missed."""
+LEAST_VEHICLES = 2
+"""Fewest vehicles for which a log can distinguish the silence of all from the silence of one."""
+REPEAT_S = 300.0
 SWITCHED_OFF_S = 30.0
-"""A vehicle on the ground that has been silent for longer is switched off."""
-NOTED_SLEEP_S = 5.0
-"""A pause this long is worth a line."""
+"""Silence after which a vehicle on the ground counts as switched off."""
+REPORTED_PAUSE_S = 5.0
+"""Shortest pause that is recorded and reported."""
 
 
 def discount_host_pause(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
-    """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
-    slept_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
+    """Detect a pause of the ground station since the last tick; no vehicle's link time-out counts it."""
+    paused_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
     late_s = state.listening.late_s
     state = state.with_listening(tick_s=now_s)
-    if slept_s <= SLEPT_S:
+    if paused_s <= HOST_PAUSE_S:
         return (_excuse_silence(state, late_s, now_s) if late_s > 0.0 else state), ()
-    state = _excuse_silence(state, slept_s, now_s)
-    if slept_s <= NOTED_SLEEP_S:
+    state = _excuse_silence(state, paused_s, now_s)
+    if paused_s <= REPORTED_PAUSE_S:
         return state, ()
-    state = _record_absence(state, GroundStationAbsence(now_s, slept_s, restarted=False))
-    return state, (link.GROUND_STATION_STALLED.say(stalled_s=slept_s),)
+    state = _record_absence(state, GroundStationAbsence(now_s, paused_s, restarted=False))
+    return state, (link.GROUND_STATION_STALLED.say(stalled_s=paused_s),)
 
 
 def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
-    """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one.
+    """Detect the silence of all vehicles, which is the ground station's own fault until proven otherwise.
 
-    Of fewer vehicles than `least` that should be heard it is the silence of each.
+    With fewer than `least` vehicles that should be received, each silence is judged alone.
     """
     if state.progress.launched_s is None or (len(state.vehicles) < least and state.listening.silent_since_s is None):
         return state, ()
@@ -46,10 +46,10 @@ def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: i
     if now_s - latest < context.limits.link_stale_s:
         if state.listening.silent_since_s is None:
             return state, ()
-        # The first one is heard before the others, whose time begins anew.
+        # One vehicle is received before the others; their time-outs start over.
         pause_s = latest - state.listening.silent_since_s
         state = _clear_silence(_excuse_silence(state, pause_s, now_s))
-        if pause_s > NOTED_SLEEP_S:
+        if pause_s > REPORTED_PAUSE_S:
             state = _record_absence(state, GroundStationAbsence(now_s, pause_s, restarted=False, deaf=True))
         return state, (link.ALL_REGAINED.say(),)
     if not state.airborne_vehicles():
@@ -69,10 +69,10 @@ def _clear_silence(state: FleetState) -> FleetState:
 
 
 def _repeat_silence_warning(context: Scene, state: FleetState, now_s: float) -> Stepped:
-    """Say again, now and then, that all links are lost, and what that means."""
+    """Repeat at intervals that all links are lost, and what that means."""
     since_s = state.listening.silent_since_s or now_s
     told_s = since_s if state.listening.silence_told_s is None else state.listening.silence_told_s
-    if now_s - told_s < (context.limits.all_silent_s if state.listening.silence_told_s is None else TOLD_AGAIN_S):
+    if now_s - told_s < (context.limits.all_silent_s if state.listening.silence_told_s is None else REPEAT_S):
         return state, ()
     aloft = ", ".join(vehicle.name for vehicle in state.airborne_vehicles())
     said = link.ALL_STILL_LOST.say(age_s=now_s - since_s, airborne=aloft)
@@ -80,7 +80,7 @@ def _repeat_silence_warning(context: Scene, state: FleetState, now_s: float) -> 
 
 
 def _list_contact_times(state: FleetState) -> list[float]:
-    """Return when each vehicle was heard last that should be heard now."""
+    """Return when each vehicle that should be received now was last received."""
     away = {Stage.GROUND, Stage.LANDED, Stage.DOWN}
     heard = [
         float("-inf") if vehicle.link.heard_s is None else vehicle.link.heard_s
@@ -98,11 +98,11 @@ def _list_contact_times(state: FleetState) -> list[float]:
 
 
 def check_link(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Say when a link is stale and when it is regained, before and after that is a fault."""
+    """Report when a link becomes stale and when it recovers, apart from the fault."""
     age_s = 0.0 if vehicle.link.heard_s is None else now_s - vehicle.link.heard_s
     stale = age_s >= context.limits.link_stale_s
     if vehicle.link.stale and vehicle.link.spoke_s is not None:
-        # What was not its own silence is not held against it, and does not make it heard.
+        # An excused pause is not the vehicle's silence, but does not count as contact either.
         stale = now_s - vehicle.link.spoke_s >= context.limits.link_stale_s
     if stale == vehicle.link.stale:
         return state, ()
@@ -112,7 +112,7 @@ def check_link(context: Scene, state: FleetState, vehicle: VehicleState, now_s: 
 
 
 def _excuse_silence(state: FleetState, pause_s: float, now_s: float) -> FleetState:
-    """Count a time in which nobody could be heard against no vehicle."""
+    """Exclude a pause in which nothing could be received from every vehicle's silence."""
     for vehicle in state.vehicles.values():
         if vehicle.link.heard_s is not None:
             state = state.put(vehicle.with_link(heard_s=min(now_s, vehicle.link.heard_s + pause_s), excused_s=now_s))

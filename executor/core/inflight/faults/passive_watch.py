@@ -1,9 +1,9 @@
-"""Watching without acting: the watchpoints of the live flight over vehicles that somebody else flies.
+"""Find the faults of vehicles under another ground station's supervision, without commanding them.
 
-``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults are judged by the very
-functions that `step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly
-until it disarms, whatever was declared of it: a battery that fails hides no crash. One whose link is regained is
-watched again. Who changed a mode is told with the mode.
+``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults judged by the functions of the
+live flight's `step`. Take-offs are not ours to see, so a vehicle counts as flying from arming until disarming, whatever
+fault was declared: a failing battery must not hide a crash. After its link is regained a vehicle is watched again. Each
+mode change is reported with the party that made it.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from executor.core.state.vehicle_state import WATCHED, Fault, FaultCode, FaultKi
 from executor.core.telemetry.message_update import apply_message
 from missions.autopilots.dialect import is_manual_mode, is_mission_mode, mode_name
 
-WARN_S = 1.5
-"""Warnings decide nothing: they are looked for less often than faults."""
+WARNING_INTERVAL_S = 1.5
+"""Interval between evaluations of the warnings; they trigger no action and may come later than faults."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeclaredFault:
-    """A fault."""
+    """A declared fault."""
 
     vehicle: str
     kind: FaultKind
@@ -45,7 +45,7 @@ class DeclaredFault:
 
 @dataclass(frozen=True, slots=True)
 class Degradation:
-    """A time in which something was not well."""
+    """A period in which a warning was active."""
 
     vehicle: str
     kind: FaultKind
@@ -54,18 +54,18 @@ class Degradation:
     evidence: str
     from_s: float
     to_s: float | None = None
-    """None as long as it lasts."""
+    """None while it lasts."""
 
 
 @dataclass(frozen=True, slots=True)
 class ObservedModeChange:
-    """An armed vehicle's mode became another."""
+    """A mode change of an armed vehicle."""
 
     vehicle: str
     mode: str
     by: Actor
     why: str
-    """What says so, in words; empty where nothing does."""
+    """The evidence in words; empty if there is none."""
     at_s: float
 
 
@@ -74,32 +74,32 @@ Finding = DeclaredFault | Degradation | ObservedModeChange
 
 @dataclass(frozen=True, slots=True)
 class VehicleReports:
-    """What was told of a vehicle since it was armed."""
+    """What was reported of a vehicle since it armed."""
 
     declared: frozenset[str] = frozenset()
-    """Groups of faults: the first reason of each stands."""
+    """Groups of faults; the first reason of each stands."""
     mode_s: float = float("-inf")
-    """Since when it was in the last mode that was told."""
+    """Start of the last mode that was reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class PassiveWatch:
-    """What is known of all vehicles, and what is not well now."""
+    """The state of all vehicles, and the warnings active now."""
 
     fleet: FleetState = field(default_factory=lambda: FleetState(MappingProxyType({})))
     open: Mapping[tuple[str, str], Degradation] = field(default_factory=lambda: MappingProxyType({}))
     """By vehicle and name of the warning."""
     warned_s: float = float("-inf")
-    """When was looked for what is not well."""
+    """When the warnings were last evaluated."""
     told: Mapping[str, VehicleReports] = field(default_factory=lambda: MappingProxyType({}))
     """By vehicle."""
 
     def reports_of(self, name: str) -> VehicleReports:
-        """Return what was told of a vehicle."""
+        """Return what was reported of a vehicle."""
         return self.told.get(name, VehicleReports())
 
     def with_reports(self, name: str, told: VehicleReports) -> PassiveWatch:
-        """Return it with something told."""
+        """Return the state with a vehicle's reports replaced."""
         known = told == self.reports_of(name)
         return self if known else replace(self, told=MappingProxyType({**self.told, name: told}))
 
@@ -119,14 +119,14 @@ def step_watch(scene: Scene, state: PassiveWatch, event: Heard | Tick, now_s: fl
             fleet = state.fleet.put(vehicle)
             if fleet.progress.launched_s is None and vehicle.stage is Stage.FLYING:
                 fleet = fleet.with_progress(launched_s=now_s)
-            # Of every message: faster than replace.
+            # Runs for every message; faster than replace.
             return PassiveWatch(fleet, state.open, state.warned_s, state.told), found
         case Tick():
             return _apply_tick(scene, state, now_s)
 
 
 def record_contact(state: PassiveWatch, name: str, at_s: float, heartbeat_s: float | None = None) -> PassiveWatch:
-    """Return the state with a vehicle that said something, whatever it was, and its HEARTBEAT without news then."""
+    """Return the state after any message of a vehicle, and after a HEARTBEAT that changed nothing."""
     vehicle = state.fleet.vehicles[name]
     later = vehicle.link.heard_s is None or at_s > vehicle.link.heard_s
     if not later and heartbeat_s is None:
@@ -139,28 +139,28 @@ def record_contact(state: PassiveWatch, name: str, at_s: float, heartbeat_s: flo
 
 
 def close_degradations(state: PassiveWatch, now_s: float) -> tuple[Degradation, ...]:
-    """Return what was not well when the log ended."""
+    """Return the warnings still active when the log ended."""
     return tuple(replace(one, to_s=now_s) for one in state.open.values())
 
 
-HEARD_BEFORE_S = 2.0
-"""A HEARTBEAT shows up to so much later that it is armed: what was said meanwhile is of this flight."""
+ARMING_DELAY_S = 2.0
+"""Longest delay of the HEARTBEAT that shows arming; reports within it belong to the new flight."""
 
 
 def _apply_mode_change(scene: Scene, state: PassiveWatch, before: VehicleState, vehicle: VehicleState) -> Stepped:
-    """Take note of a HEARTBEAT that begins a flight, or another mode in it."""
+    """Process a HEARTBEAT that starts a flight, or changes the mode during one."""
     name, told = vehicle.name, state.reports_of(vehicle.name)
     if vehicle.armed and not before.armed:
         return state.with_reports(name, VehicleReports(mode_s=vehicle.telemetry.mode_since_s)), ()
     if not before.armed or before.telemetry.mode_since_s == vehicle.telemetry.mode_since_s:
         return state, ()
     if is_mission_mode(scene.vehicles[name].dialect, vehicle.mode):
-        state = state.with_reports(name, replace(told, declared=told.declared - {"left"}))  # it may be left again
+        state = state.with_reports(name, replace(told, declared=told.declared - {"left"}))  # it may leave it again
     return _report_mode(scene, state, before)
 
 
 def _report_mode(scene: Scene, state: PassiveWatch, vehicle: VehicleState) -> Stepped:
-    """Tell the mode that a vehicle is in, and who chose it, unless that was told."""
+    """Report the current mode and the party that chose it, once."""
     told, since_s = state.reports_of(vehicle.name), vehicle.telemetry.mode_since_s
     if vehicle.mode is None or since_s <= told.mode_s:
         return state, ()
@@ -181,7 +181,7 @@ def _follow_stage(scene: Scene, before: VehicleState, vehicle: VehicleState, now
         case Stage.LOST if not vehicle.armed:
             return change_stage(vehicle, Stage.LANDED)
         case Stage.LOST:
-            # Live RTL would be commanded; here it flies on, and may be lost again.
+            # A live flight would command RTL; here the vehicle flies on, and may be lost again.
             return replace(change_stage(vehicle, Stage.FLYING, besides=WATCHED), fault=None, watches=()).with_motion(
                 anchor=None
             )
@@ -190,13 +190,13 @@ def _follow_stage(scene: Scene, before: VehicleState, vehicle: VehicleState, now
 
 
 def _begin_flight(vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Begin a flight: nothing that was said of the last one is of this one."""
+    """Begin a flight; discard the reports of the last one."""
     alarm = vehicle.telemetry.alarm
     failed = tuple(
         one
         for one in vehicle.evidence.failed
-        # A crash ended the flight before this one.
-        if now_s - one[1] <= HEARD_BEFORE_S and not (one[0].what == "crash" and vehicle.sortie.armed_once)
+        # A crash ended the previous flight.
+        if now_s - one[1] <= ARMING_DELAY_S and not (one[0].what == "crash" and vehicle.sortie.armed_once)
     )
     return replace(
         change_stage(vehicle, Stage.FLYING, besides=WATCHED),
@@ -205,14 +205,14 @@ def _begin_flight(vehicle: VehicleState, now_s: float) -> VehicleState:
         sortie=replace(vehicle.sortie, took_off=False, flew_mission=False, armed_once=True),
         motion=replace(vehicle.motion, anchor=None),
         telemetry=replace(
-            vehicle.telemetry, alarm=alarm if now_s - alarm[1] <= HEARD_BEFORE_S else ("", float("-inf"))
+            vehicle.telemetry, alarm=alarm if now_s - alarm[1] <= ARMING_DELAY_S else ("", float("-inf"))
         ),
         evidence=replace(vehicle.evidence, failed=failed),
     )
 
 
 def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: VehicleState) -> VehicleState:
-    """Return a vehicle that is on no mission any more once a person has it: what comes then interrupts none."""
+    """Return a vehicle a person has taken as no longer on its mission: later mode changes interrupt none."""
     setup = scene.vehicles[vehicle.name]
     if before.mode is None or is_mission_mode(setup.dialect, before.mode):
         return vehicle
@@ -224,17 +224,17 @@ def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: Vehicl
 
 def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:
     fleet, _ = link_loss.discount_host_pause(scene, state.fleet, now_s)
-    fleet, _ = link_loss.check_all_links(scene, fleet, now_s, least=link_loss.ALL)
+    fleet, _ = link_loss.check_all_links(scene, fleet, now_s, least=link_loss.LEAST_VEHICLES)
     silent_since_s = fleet.listening.silent_since_s
     alone = silent_since_s is not None and now_s - silent_since_s < scene.limits.all_silent_s
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
     heard_s = [one.link.heard_s for one in vehicles.values() if one.stage is Stage.FLYING]
     silent = any(one is not None and now_s - one >= scene.limits.link_stale_s for one in heard_s)
-    looks = silent or now_s - state.warned_s >= WARN_S
+    looks = silent or now_s - state.warned_s >= WARNING_INTERVAL_S
     for name, vehicle in fleet.vehicles.items():
         if vehicle.stage is Stage.LOST:
-            continue  # nothing begins and nothing ends in silence
+            continue  # no fault or warning starts or ends during silence
         if vehicle.armed and is_attribution_final(vehicle, now_s):
             state, moded = _report_mode(scene, state, vehicle)
             found += moded
@@ -255,7 +255,7 @@ _DOWN_REASONS = frozenset({"off-pad", "falling", "sinking", "thrust", "terminate
 
 
 def _group_of(point: Watchpoint) -> str:
-    """Return of what the first reason stands: a battery, a mission that was left, a fall."""
+    """Return the group of which the first reason stands: link, battery, payload, mission left, down."""
     if point.kind not in {FaultKind.INTERRUPTION, FaultKind.FENCE}:
         return str(point.kind.value)
     return "down" if point.name in _DOWN_REASONS else "left"
@@ -269,17 +269,17 @@ def _judge_vehicle(
 ) -> tuple[VehicleState, list[Raised]]:
     setup = scene.vehicles[vehicle.name]
     if vehicle.stage in _DOWN:
-        # It may have disarmed before it says why.
+        # It may disarm before it reports the reason.
         view = WatchView(scene, setup, vehicle, False, now_s)
-        late = describe_reported_failure(view, "crash") if now_s - vehicle.sortie.disarmed_s <= LATE_S else ""
+        late = describe_reported_failure(view, "crash") if now_s - vehicle.sortie.disarmed_s <= DISARM_REASON_S else ""
         return vehicle, [(watchpoints.CRASH, late)] if late and "down" not in told.declared else []
     vehicle, failed = watchpoints.judge_watchpoints(scene, setup, vehicle, now_s)
     raised = list[Raised]()
     for point, why in failed:
         known = told.declared | {_group_of(one) for one, _ in raised}
-        if point.code is FaultCode.VOLTAGE_STEP and known & _STRUGGLES and not vehicle.power.volts.known_load:
-            continue  # what its motors draw to save it, nobody knows
-        silent = point.kind is FaultKind.LINK  # each silence is a loss of its own
+        if point.code is FaultCode.VOLTAGE_STEP and known & _SAVING_GROUPS and not vehicle.power.volts.known_load:
+            continue  # the load of motors fighting to save the vehicle is unknown
+        silent = point.kind is FaultKind.LINK  # each silence is a separate loss
         if (silent and not alone) or (not silent and _group_of(point) not in known):
             raised.append((point, why))
     if raised and vehicle.fault is None:
@@ -292,13 +292,13 @@ def _judge_vehicle(
     return vehicle, raised
 
 
-_STRUGGLES = frozenset({"left", "down"})
-LATE_S = 4.0
-"""So long after it disarmed it may still say why."""
+_SAVING_GROUPS = frozenset({"left", "down"})
+DISARM_REASON_S = 4.0
+"""Time after disarming in which the vehicle may still report the reason."""
 
 
 def update_degradations(view: WatchView, open_: dict[tuple[str, str], Degradation]) -> list[Degradation]:
-    """Begin and end what is not well; returns what ended."""
+    """Open and close the warnings of one vehicle; return those that ended."""
     name = view.state.name
     now = {row.name: (row.kind, words) for row, words in warning_rules.find_warnings(view)}
     for row, (kind, words) in now.items():

@@ -1,6 +1,6 @@
-"""What is not well yet no fault: a table of warnings beside that of the watchpoints, over the same view.
+"""Warn of conditions that may become faults: a table beside the watchpoints, over the same view.
 
-A link is degraded before it is lost, a battery before it breaks the reserve. Warnings decide nothing.
+A link degrades before it is lost, a battery before it breaks the reserve. Warnings trigger no action.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ from executor.core.state.vehicle_position import describe_position, last_fix
 from executor.core.state.vehicle_state import FaultKind, Stage
 from missions import Phase
 
-RADIO_S = 5.0
-AGAIN_S = 30.0
+RADIO_REPORT_AGE_S = 5.0
+REPEAT_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
 class WarningRule:
-    """One row."""
+    """One row of the table."""
 
     name: str
     kind: FaultKind
     look: Callable[[WatchView], str]
-    """What is not well, in words; nothing if it is."""
+    """Returns the warning's text, empty if all is well."""
 
 
 def describe_silence(view: WatchView) -> str:
-    """Nothing was heard for a while."""
+    """Warn that nothing was received for a while."""
     heard_s = view.state.link.heard_s
     age_s = 0.0 if heard_s is None else view.now_s - heard_s
     return link.SILENT.format(age_s=age_s) if age_s >= view.context.limits.link_stale_s else ""
 
 
 def describe_missing_items(view: WatchView) -> str:
-    """It speaks, and not of where it flies to."""
+    """Warn that messages arrive without the current mission item."""
     return watch_view.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
 
 
 def describe_doubtful_disarm(view: WatchView) -> str:
-    """A HEARTBEAT says what its positions refute."""
+    """Warn that HEARTBEAT reports disarmed while the positions contradict it."""
     doubted = view.state.telemetry.doubted is not None
     return link.DISARMED_IN_FLIGHT if doubted else ""
 
 
 def describe_frame_loss(view: WatchView) -> str:
-    """More frames are lost than usual."""
+    """Warn that more frames are lost than usual."""
     quality = view.state.link.quality
     if quality.lost is None or quality.worse < view.context.limits.loss_warn:
         return ""
@@ -60,15 +60,15 @@ def describe_frame_loss(view: WatchView) -> str:
 
 
 def describe_radio_trouble(view: WatchView) -> str:
-    """The radio itself complains, and nobody says so of it and all vehicles behind it: see `channel_watch`."""
+    """Warn of a radio's complaint, unless `channel_watch` reports it for all vehicles behind it."""
     quality = view.state.link.quality
     if watch_view.is_radio_measured(view):
         return ""
-    return quality.weak if view.now_s - quality.radio_s <= RADIO_S else ""
+    return quality.weak if view.now_s - quality.radio_s <= RADIO_REPORT_AGE_S else ""
 
 
 def describe_low_battery(view: WatchView) -> str:
-    """The autopilot calls it low, or not healthy."""
+    """Warn that the autopilot reports the battery low or unhealthy."""
     if view.state.power.battery.charge_state == LOW:
         return battery.REPORTED_STATE.format(state=battery.LOW)
     sick = view.state.sensors.unhealthy & BATTERY_SENSOR
@@ -76,13 +76,13 @@ def describe_low_battery(view: WatchView) -> str:
 
 
 def describe_doubtful_pack(view: WatchView) -> str:
-    """Its resting voltage does not fit its percentage."""
+    """Warn that the pack's rest voltage does not fit its percentage."""
     found = assess_pack_in_flight(view)
     return battery.PACK.format(condition=found.words) if found is not None and found.doubtful else ""
 
 
 def describe_second_battery_fault(view: WatchView) -> str:
-    """Its battery fails too, on its way home from another fault: the first reason stands, and this is said."""
+    """Warn that the battery fails too while returning from another fault; the first reason stands."""
     fault = view.state.fault
     if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
         return ""
@@ -91,30 +91,30 @@ def describe_second_battery_fault(view: WatchView) -> str:
 
 
 def describe_reserve_risk(view: WatchView) -> str:
-    """It may well land below the reserve."""
+    """Warn that the vehicle may land below the reserve."""
     leg = view.state.leg
     if view.setup.planned and (not view.state.armed or (leg is not None and leg.phase is Phase.LAND)):
-        return ""  # it lands: nothing more can be done about it
+        return ""  # landing: no action is left
     chance = legs.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
     if chance is None or chance < view.context.limits.reserve_warn_chance:
         return ""
     return battery.MAY_LAND_BELOW_RESERVE.format(chance_pct=100 * chance)
 
 
-ESTIMATOR_S = 2.0
-"""An estimator that leaves GPS for a single report is no loss."""
+GPS_LOSS_S = 2.0
+"""Time without GPS after which it counts as lost; a single report is an estimator glitch."""
 
 
 def gps_lost(view: WatchView) -> str:
-    """Its GPS is lost: where it is, is reckoned, and worth less with every second."""
+    """Warn that GPS is lost; the position is dead-reckoned, and its error grows."""
     known = view.state.sensors.positioning
-    if known.lost_s is None or (known.adrift_s is not None and view.now_s - known.lost_s < ESTIMATOR_S):
+    if known.lost_s is None or (known.adrift_s is not None and view.now_s - known.lost_s < GPS_LOSS_S):
         return ""
     return position.GPS_LOST.format(why=known.why, last_fix=last_fix(view.context, view.state))
 
 
 def describe_stuck_return(view: WatchView) -> str:
-    """It should be on its way home, and hangs in the air where it is."""
+    """Warn that the vehicle should be returning, but hovers in place."""
     state, limits, fix, stood_s = view.state, view.context.limits, view.fresh_fix, view.state.motion.stood_s
     if state.stage is not Stage.RETURNING or fix is None or not state.armed:
         return ""
@@ -124,7 +124,7 @@ def describe_stuck_return(view: WatchView) -> str:
 
 
 def low(view: WatchView) -> str:
-    """It flies below its mission, and does not climb."""
+    """Warn that the vehicle flies below its mission and does not climb."""
     state, limits = view.state, view.context.limits
     if not view.setup.planned or state.stage is not Stage.FLYING or view.fresh_fix is None:
         return ""
@@ -158,20 +158,20 @@ TABLE: tuple[WarningRule, ...] = (
 
 
 def find_new_warnings(view: WatchView, before: ReportedWarnings) -> tuple[ReportedWarnings, tuple[str, ...]]:
-    """Return what is not well and was not said yet, for the operator of a live flight.
+    """Return the warnings not reported yet, for the operator of a live flight.
 
-    A silence is told by `link_loss`; what comes back within `AGAIN_S` is the same.
+    `link_loss` reports silences; a warning that recurs within `REPEAT_S` is not new.
     """
     now = [(row.name, words) for row, words in find_warnings(view) if row.look is not describe_silence]
     if not now and not before:
         return before, ()
-    known = {name: at_s for name, at_s in before if view.now_s - at_s < AGAIN_S}
+    known = {name: at_s for name, at_s in before if view.now_s - at_s < REPEAT_S}
     new = tuple(f"{view.state.name}: {words}" for name, words in now if name not in known)
     return tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items()), new
 
 
 def find_warnings(view: WatchView) -> tuple[tuple[WarningRule, str], ...]:
-    """Look at every row; return those that hold, with their words."""
+    """Evaluate every row; return the active ones with their texts."""
     if view.state.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         return ()
     return tuple((row, words) for row in TABLE if (words := row.look(view)))

@@ -1,10 +1,10 @@
-"""Watchpoints: a table of what may be wrong with a vehicle, looked at as levels on every tick.
+"""Evaluate the watchpoints, a table of faults a vehicle may have, as levels on every tick.
 
-Each answers OK, FAIL or STALE. FAIL must last `raise_after_s` before it is a fault; STALE neither starts nor ends that
-time, so that a silent vehicle's last battery report raises nothing by itself. One arbiter picks one reason.
+Each returns OK, FAIL or STALE. FAIL must persist for `raise_after_s` to be a fault; STALE neither starts nor ends that
+time, so that the last battery report of a silent vehicle raises nothing. One arbiter picks one reason.
 
-A vehicle that loses thrust sinks slowly, in mission mode, and its autopilot may say no word of it: it is held against
-the height that is asked of it by its mission, and by its own autopilot.
+A vehicle that loses thrust sinks slowly, in mission mode, and its autopilot may not report it: its height is compared
+with its mission's, and with its autopilot's own target.
 """
 
 from __future__ import annotations
@@ -53,21 +53,21 @@ LOW = 2
 BATTERY_SENSOR = 0x2000000
 """MAV_SYS_STATUS_SENSOR_BATTERY."""
 NEAR_PCT = 15.0
-"""So near to its reserve a battery may well be low by its voltage."""
+"""Charge above the reserve within which a low-battery alarm by voltage is credible."""
 PLUNGE = 1.7
-"""Times the threshold of a drain."""
+"""Factor on the threshold of a drain."""
 
 
 def check_battery_step(view: WatchView) -> Finding:
-    """Much was lost at once."""
+    """Check for charge lost at once."""
     limits, power, known = view.context.limits, view.state.power, view.state.power.battery
-    # A percentage that does not follow its counter is no use where the voltage did not fall with it.
+    # A percentage that does not follow its counter needs a voltage drop with it.
     refuted = account.is_blind(known) and account.has_running_counter(known) and power.volts.dropped_s is None
     if not _is_battery_fresh(view) or refuted:
         return STALE
     window_s = limits.battery_step_window_s
     long_s = 4 * window_s
-    # While it fails the window moves on; and nobody may have looked while a step was in it.
+    # While it fails the window moves on, and a step may have gone unevaluated.
     fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
     excess, expected = account.excess_pct(known, long_s if view.failing or fell else window_s)
     if excess < limits.battery_step_pct:
@@ -89,19 +89,19 @@ def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
 
 
 check_battery_drain = partial(_check_drain, hurried=False)
-"""More is used than the flight should cost, by more than a climb or a gust explains."""
+"""Consumption above the flight's, by more than a climb or a gust explains."""
 check_battery_plunge = partial(_check_drain, hurried=True)
-"""So much more is used that there is no time to wait for one more report."""
+"""Consumption so far above that there is no time for another report."""
 
 
 def _iterate_excesses(
     known: account.BatteryState, limits: Limits, *, hurried: bool
 ) -> Iterator[tuple[cusum.Drift, float, str]]:
-    """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
+    """Yield the consumption beyond the usual by each count, with its threshold and its name."""
     share, blind = PLUNGE if hurried else 1.0, account.is_blind(known)
     yield known.charge.drift, share * limits.charge_excess_pct, battery.BY_COUNTER
     if blind and account.has_running_counter(known):
-        return  # what the percentage says is something else than what the counter counts
+        return  # the percentage and the counter measure different things
     excess_pct = limits.blind_excess_pct if blind else share * (limits.battery_excess_pct + known.roughness_pct)
     yield known.drift, excess_pct, ""
     if not hurried:
@@ -109,13 +109,13 @@ def _iterate_excesses(
 
 
 def check_voltage_step(view: WatchView) -> Finding:
-    """The voltage fell at once by more than the load explains."""
+    """Check for a voltage drop beyond what the load explains."""
     volts, limits = view.state.power.volts, view.context.limits
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
     if not volts.known_load and not view.setup.planned and _is_driven_hard(view):
-        return STALE  # nobody knows its load, and it is another one than usual
+        return STALE  # its load is unknown, and not the usual one
     if view.failing:
         threshold *= 0.7
     if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
@@ -125,7 +125,7 @@ def check_voltage_step(view: WatchView) -> Finding:
 
 
 def _is_driven_hard(view: WatchView) -> bool:
-    """Return whether it climbs, falls, or says that something else has failed: its motors give what they never do."""
+    """Return whether it climbs, falls or reports another failure: its motors then draw more than usual."""
     fix, failed = view.state.motion.fix, view.state.evidence.failed
     moves = fix is not None and abs(fix.velocity_m_s[2]) > view.context.limits.climbs_m_s
     said_s = max((at_s for one, at_s in failed if one.what != "battery"), default=float("-inf"))
@@ -133,7 +133,7 @@ def _is_driven_hard(view: WatchView) -> bool:
 
 
 def check_cells(view: WatchView) -> Finding:
-    """A cell is near its end, or far below the others, for longer than a climb."""
+    """Check for a cell almost empty, or far below the others, for longer than a climb."""
     volts, limits = view.state.power.volts, view.context.limits
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
@@ -145,10 +145,10 @@ def check_cells(view: WatchView) -> Finding:
 
 
 def check_reserve(view: WatchView) -> Finding:
-    """The mission on board, or where none is known the way home, would end below the reserve."""
+    """Check whether the mission on board, or an RTL if none is known, would end below the reserve."""
     leg, limits = view.state.leg, view.context.limits
     if leg is not None and leg.phase in {Phase.RETURN, Phase.LAND}:
-        return OK  # it is on its way home already: nothing else could be ordered
+        return OK  # already returning: no command would help
     floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
     chance = legs.landing_chance_below(view.context, view.state, view.setup, floor_pct)
     if chance is None or not _is_battery_fresh(view):
@@ -164,7 +164,7 @@ def check_reserve(view: WatchView) -> Finding:
 
 
 def check_pack_charge(view: WatchView) -> Finding:
-    """Its resting voltage says that there is much less in it than is counted."""
+    """Check whether the pack holds much less than counted, by its rest voltage."""
     if view.now_s - view.state.power.volts.reported_s > view.context.limits.battery_stale_s:
         return STALE
     found = assess_pack_in_flight(view)
@@ -175,10 +175,10 @@ def check_pack_charge(view: WatchView) -> Finding:
 
 
 def _is_pack_sufficient(view: WatchView, found: PackCondition) -> bool:
-    """Return whether a plan is flown for which even a pack that gives less than it counts is enough.
+    """Return whether a planned flight is possible even with a pack that gives less than it counts.
 
-    That it gives less is sure by then, so that by how much is taken as it is likely: a real ArduPilot with half a pack
-    fell where the lenient figure, of a chemistry that nobody had named, still called the rest enough.
+    That it gives less is certain by then, so the likely ratio is used: a real ArduPilot with half a pack fell where the
+    lenient one, for an unstated chemistry, still called the rest sufficient.
     """
     rest = view.state.power.pack.rest
     ahead = legs.project_landing(view.context, view.state, view.setup) if view.setup.planned else None
@@ -191,23 +191,23 @@ def _is_pack_sufficient(view: WatchView, found: PackCondition) -> bool:
 
 
 def assess_pack_in_flight(view: WatchView) -> PackCondition | None:
-    """Return how its pack's voltage stands to its percentage; None where nothing can be said."""
+    """Return the condition of its pack by voltage and percentage; None if unknown."""
     power, dialect = view.state.power, view.setup.dialect
     if dialect.rounds_twice and account.is_blind(power.battery):
-        return None  # PX4 without a counter reads its percentage off the very same voltage
+        return None  # PX4 without a counter derives its percentage from the same voltage
     facts = pack_facts_of(view.context, view.state)
     return assess_pack(power.pack, power.volts.cells, facts, power.battery.remaining_pct, view.now_s)
 
 
 def check_battery_failsafe(view: WatchView) -> Finding:
-    """The autopilot itself says that it acts on its battery."""
+    """Check whether the autopilot reports that its battery failsafe acts."""
     said = describe_reported_failure(view, "battery")
-    # A text is the one thing that anybody can send: what it says must show somewhere else as well.
+    # Anybody can send a text: it must be confirmed by something else.
     return said if said and (not view.setup.planned or _is_alarm_confirmed(view)) else OK
 
 
 def _is_alarm_confirmed(view: WatchView) -> bool:
-    """Return whether an alarm of the battery shows in anything besides its text."""
+    """Return whether a battery alarm shows in anything besides its text."""
     state, power, volts = view.state, view.state.power, view.state.power.volts
     if state.is_critical or (state.mode is not None and not is_in_mission_mode(view)):
         return True
@@ -218,7 +218,7 @@ def _is_alarm_confirmed(view: WatchView) -> bool:
 
 
 def check_battery_status(view: WatchView) -> Finding:
-    """The autopilot itself calls the battery critical, failed or unhealthy."""
+    """Check whether the autopilot reports the battery critical, failed or unhealthy."""
     if not _is_battery_fresh(view):
         return STALE
     if state := battery.STATES.get(view.state.power.battery.charge_state):
@@ -228,27 +228,27 @@ def check_battery_status(view: WatchView) -> Finding:
 
 
 def _is_battery_fresh(view: WatchView) -> bool:
-    # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
+    # PX4 sends BATTERY_STATUS every 2 s; three are awaited.
     fresh = view.now_s - view.state.power.battery.reported_s <= view.context.limits.battery_stale_s
-    # Without positions nobody knows what the flight should have cost.
+    # Without positions the flight's expected consumption is unknown.
     positions_come = view.state.motion.fix is None or view.fresh_fix is not None
     return fresh and (positions_come or not view.setup.planned)
 
 
 MOST_WORDS_S = 10.0
-"""An autopilot's word of lost thrust, which by itself decides nothing, is about what is seen within this."""
+"""Time for which a reported thrust loss, which alone decides nothing, supports an observation."""
 LEAST_TARGET_M_S = 0.8
-"""Sinking like this, a vehicle that is metres below its autopilot's target has none of it under control."""
+"""Descent rate at which a vehicle metres below its autopilot's target is out of control."""
 TARGET_S = 3.5
 LYING_UP_M = 1.5
-"""So near to the height of its home it may lie on the ground."""
+"""Height over home at which it may be on the ground."""
 LYING_S = 5.0
 DROPPED_S = 4.0
-"""It came down so shortly before it lay still."""
+"""Time before coming to rest within which it dropped."""
 
 
 def check_sinking(view: WatchView) -> Finding:
-    """It is far below its mission and sinks on, faster than the mission asks."""
+    """Check whether it is far below its mission and sinks faster than the mission descends."""
     if view.fresh_fix is None:
         return STALE
     asked = find_mission_height(view.context, view.setup, view.state)
@@ -262,7 +262,7 @@ def check_sinking(view: WatchView) -> Finding:
 
 
 def check_thrust(view: WatchView) -> Finding:
-    """It sinks though its autopilot wants to be higher."""
+    """Check whether it sinks though its autopilot wants more height."""
     own = view.state.own
     if view.fresh_fix is None:
         return STALE
@@ -278,7 +278,7 @@ def check_thrust(view: WatchView) -> Finding:
 
 
 def check_grounded_on_mission(view: WatchView) -> Finding:
-    """It lies on the ground in the middle of its mission, armed."""
+    """Check whether it is on the ground in mid-mission, armed."""
     fix, state, stood_s = view.fresh_fix, view.state, view.state.motion.stood_s
     if fix is None or state.motion.anchor is None:
         return STALE
@@ -304,20 +304,21 @@ def _is_taking_off_or_landing(view: WatchView) -> bool:
 
 
 def check_link_silence(view: WatchView) -> Finding:
-    """Nothing was heard for the vehicle's time-out."""
+    """Check whether nothing was received for the vehicle's time-out."""
     heard_s = view.state.link.heard_s
     if heard_s is None:
         return STALE
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
         return link.LOST.format(age_s=age_s, timeout_s=view.setup.link_timeout_s)
-    unseen_s = watch_view.state_silence_s(view)
+    ages_s = (watch_view.HEARTBEAT.age_s(view), watch_view.POSITION.age_s(view))
+    unseen_s = 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)  # not before both have arrived
     unseen = view.setup.planned and unseen_s >= max(watch_view.UNSEEN_S, view.setup.link_timeout_s)
     return link.UNSEEN.format(age_s=unseen_s) if unseen else OK
 
 
 def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
-    """It disarmed where, or when, it should not have landed."""
+    """Check whether it disarmed where or when it should not have landed."""
     state, limits = view.state, view.context.limits
     if state.motion.fix is None or state.telemetry.heartbeat is None:
         return STALE
@@ -327,14 +328,14 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
         return _check_disarm_in_flight(view)
     away_m, says = view.setup.pad_distance_m(state.motion.fix.place_m), alarm_words(view)
     if not vehicle_position.is_resting_place_known(state, view.now_s):
-        return STALE  # its place is from before it was silent, or began anew
+        return STALE  # its position is from before a silence or a reboot
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if vehicle_position.is_dead_reckoning(state):
         return landing.DISARMED_WITHOUT_GPS.format(says=says)
     if away_m > limits.off_pad_m:
         return landing.DISARMED_OFF_PAD.format(away_m=away_m, up_m=state.motion.fix.alt_rel_m, says=says)
-    # An old position says nothing of its height: it may have come down since.
+    # An old position does not show its height: it may have descended since.
     if vehicle_position.has_fallen(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
         return landing.DISARMED_OVER_PAD.format(up_m=state.motion.fix.alt_rel_m, says=says)
     if not state.sortie.took_off and state.stage is Stage.FLYING:
@@ -347,7 +348,7 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
 
 
 def _check_disarm_in_flight(view: WatchView) -> Finding:
-    """Look at a vehicle that disarmed and may land anywhere: it must have come to rest."""
+    """Judge a disarmed vehicle that may land anywhere: it must be at rest."""
     fix, limits = view.fresh_fix, view.context.limits
     if fix is None or view.state.telemetry.on_ground:
         return OK
@@ -358,7 +359,7 @@ def _check_disarm_in_flight(view: WatchView) -> Finding:
 
 
 def check_termination(view: WatchView) -> Finding:
-    """Its HEARTBEAT reports flight termination."""
+    """Check whether its HEARTBEAT reports flight termination."""
     heartbeat = view.state.telemetry.heartbeat
     if heartbeat is None:
         return STALE
@@ -367,7 +368,7 @@ def check_termination(view: WatchView) -> Finding:
 
 
 def check_fall(view: WatchView) -> Finding:
-    """It sinks faster than it was ever told to."""
+    """Check whether it sinks faster than ever commanded."""
     fix = view.fresh_fix
     if fix is None:
         return STALE
@@ -378,12 +379,12 @@ def check_fall(view: WatchView) -> Finding:
 
 
 def check_mission_mode(view: WatchView) -> Finding:
-    """It is in a mode that nobody here ordered, by its own failsafe."""
+    """Check for a mode set by the vehicle's failsafe."""
     state = view.state
     if state.mode is None:
         return STALE
     if check_fence_breach(view):
-        return OK  # that is said by its own name
+        return OK  # reported under its own name
     dialect = view.setup.dialect
     if view.setup.planned:
         if not state.armed or state.custody.cause is not ModeCause.FAILSAFE:
@@ -393,14 +394,14 @@ def check_mission_mode(view: WatchView) -> Finding:
 
 
 def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
-    """Look at who changed the mode of a vehicle that somebody else flies."""
+    """Judge a mode change of a vehicle flown by others."""
     state, who, name = view.state, attribute_mode_change(view.setup, view.state), mode_name(view.setup.dialect, mode)
     if who.by is Actor.FAILSAFE and who.failed is not None:
-        # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
+        # A battery failsafe is reported under its own name. Any other one takes the vehicle from its operator.
         is_battery = who.failed.what == "battery"
         return OK if is_battery else failsafe.WENT_TO_MODE.format(mode=name, why=who.failed.words)
     if not state.sortie.flew_mission:
-        return OK  # it never was on a mission, or a person had it before
+        return OK  # never on a mission, or a person had it before
     if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
         return failsafe.WENT_TO_MODE.format(mode=name, why=who.why or failsafe.UNNAMED)
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and is_attribution_final(state, view.now_s):
@@ -409,20 +410,20 @@ def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
 
 
 FENCE_SEEN_S = 1.5
-"""Until then a HEARTBEAT shows what it does about it by itself, which is left to it."""
+"""Time for a HEARTBEAT to show its own reaction, which is left to act."""
 
 
 def check_fence_breach(view: WatchView) -> Finding:
-    """It is outside its fence, by its autopilot's word, or by its position where its fence is known here."""
+    """Check for a fence breach, reported by its autopilot, or by its position if the fence is known."""
     state, sensors = view.state, view.state.sensors
     if not state.armed:
         return OK
     said = describe_reported_failure(view, "fence")
-    # Who did not plan the flight does not know whether the fence is well otherwise.
+    # Without the flight's plan it is unknown whether the fence is otherwise sound.
     bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
     told = sensors.fence_breached or bit
     off = describe_fence_departure(state, view.now_s, view.context.limits.link_stale_s)
-    # It may be inside its fence again before it is heard that it has left its mission.
+    # It may be back inside before the mode change is received.
     left = state.sortie.flew_mission and not is_in_mission_mode(view)
     newly = left and view.now_s - state.telemetry.mode_since_s <= view.context.limits.alarm_s
     led = "" if said or told or off or not newly else describe_fence_action(view.setup, state)
@@ -433,13 +434,13 @@ def check_fence_breach(view: WatchView) -> Finding:
 
 
 UNNAMED_S = 1.0
-"""A failsafe's text may come so much later than the HEARTBEAT that shows its mode."""
+"""Longest delay of a failsafe's text after the HEARTBEAT with its mode."""
 
 
 def check_crash(view: WatchView) -> Finding:
-    """Its autopilot says that it has crashed, or it lies as none flies."""
+    """Check whether its autopilot reports a crash, or it is tilted as none flies."""
     if view.setup.planned and view.state.armed:
-        return OK  # a text is the one thing that anybody can send
+        return OK  # anybody can send a text
     if said := describe_reported_failure(view, "crash"):
         return said
     since_s, attitude = view.state.sensors.tilted_since_s, view.state.sensors.attitude
@@ -452,9 +453,9 @@ def check_crash(view: WatchView) -> Finding:
 
 
 def _is_sinking(view: WatchView) -> bool:
-    """Return whether its heights say what its velocity says, in a mode in which the autopilot holds its rate of sink.
+    """Return whether its heights confirm its velocity, in a mode in which the autopilot controls descent.
 
-    On the ground, and until a filter has settled, a velocity alone says nothing; and a pilot may let it drop.
+    On the ground, and until a filter has settled, a velocity alone shows nothing; and a pilot may let it drop.
     """
     mode, fix, before = view.state.mode, view.state.motion.fix, view.state.motion.last_fix
     if mode is None or is_manual_mode(view.setup.dialect, mode) or not view.state.sortie.took_off:
@@ -462,7 +463,7 @@ def _is_sinking(view: WatchView) -> bool:
     if fix is None or before is None or fix.boot_s <= before.boot_s or is_estimate_lost(view):
         return False
     lost_m = before.alt_rel_m - fix.alt_rel_m
-    # It may have begun to fall at any time since the fix before.
+    # The fall may have begun at any time since the fix before.
     return lost_m > FALLEN * view.context.limits.fall_m_s * min(fix.boot_s - before.boot_s, 1.0)
 
 
@@ -470,30 +471,30 @@ FALLEN = 0.3
 
 
 def check_position_jump(view: WatchView) -> Finding:
-    """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
+    """Check for a position jump: its position and course are then unknown."""
     if not view.setup.planned and (not is_in_mission_mode(view) or is_estimate_lost(view)):
-        return OK  # it is not flown by its position; or knows itself that it is elsewhere
+        return OK  # it does not fly by its position, or knows of the error
     return describe_jump(view, view.context.limits.jump_m)
 
 
 def describe_jump(view: WatchView, least_m: float) -> str:
-    """Return in words that its position has just jumped at least so far; nothing if it did not."""
+    """Return in words that its position has just jumped by at least `least_m`; empty otherwise."""
     off_m, at_s = view.state.motion.jump
     jumped = off_m >= least_m and view.now_s - at_s <= view.context.limits.link_stale_s
     return position.JUMPED.format(off_m=off_m) if jumped else ""
 
 
 def check_stall(view: WatchView) -> Finding:
-    """It is on its mission and does not move."""
+    """Check whether it stands still on its mission."""
     state, limits = view.state, view.context.limits
     fix = view.fresh_fix
     if fix is None or fix.reckoned or state.motion.anchor is None:
         return STALE
     if state.orders.held_s is not None:
-        return OK  # the operator's order
+        return OK  # on the operator's intent
     if view.setup.planned is False and not is_in_mission_mode(view):
-        return OK  # somebody flies it by hand
-    # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
+        return OK  # flown by hand
+    # By the vehicle's clock: a simulator delayed by its computer stands still, and so does its time.
     stood_s = state.motion.stood_s
     stalls = stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s)
     return speed.STALLS.format(stood_s=stood_s) if stalls else OK
@@ -538,7 +539,7 @@ _BY_STAGE = {stage: tuple(point for point in TABLE if stage in point.stages) for
 def judge_watchpoints(
     context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
 ) -> tuple[VehicleState, list[tuple[Watchpoint, str]]]:
-    """Look at every watchpoint of a vehicle; return it with what they remember, and what has failed for long enough.
+    """Evaluate all watchpoints of a vehicle; return it with their onsets, and the failures that have persisted.
 
     The most important comes first, each with its evidence.
     """

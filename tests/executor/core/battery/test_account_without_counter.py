@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.core.battery import account
-from executor.core.battery.account import LEAST_FACTOR, BatteryState
+from executor.core.battery.account import MIN_FACTOR, BatteryState
 from executor.core.battery.charge_counter import ChargeCounter
 from executor.core.battery.kalman import Prior
 from executor.core.fault_thresholds import Limits
@@ -41,8 +41,8 @@ def test_what_is_usual_is_unknown_while_a_percentage_stands_still() -> None:
 @pytest.mark.parametrize("per_report", [0.0, 0.01])
 def test_no_vehicle_is_taken_to_fly_on_nothing(per_report: float) -> None:
     state = fed(BatteryState(), [90.0 - per_report * n for n in range(60)], from_s=0.0)
-    assert state.usual >= LEAST_FACTOR
-    assert state.usual_long >= LEAST_FACTOR
+    assert state.usual >= MIN_FACTOR
+    assert state.usual_long >= MIN_FACTOR
 
 
 def test_a_percentage_that_does_not_follow_its_counter_is_blind() -> None:

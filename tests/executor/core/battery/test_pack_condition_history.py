@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.battery.pack_condition import RECENT, PackFlightRecord, PackHistory, build_pack_history
+from executor.core.battery.pack_condition import RECENT_FLIGHTS, PackFlightRecord, PackHistory, build_pack_history
 
 WORN = build_pack_history("A7", [PackFlightRecord(3.5, 0.024, 5.0)] * 4)
 PLANNED_AH = 5.0
@@ -47,7 +47,7 @@ def test_its_last_flights_count_and_one_strange_one_does_not() -> None:
         PackFlightRecord(one, 0.02, 5.0) for one in (3.5, 3.5, 9.0, 3.4, 3.6)
     ]
     known = build_pack_history("A7", flights)
-    assert (known.flights, RECENT) == (14, 5)
+    assert (known.flights, RECENT_FLIGHTS) == (14, 5)
     assert known.capacity_ah is not None
     assert known.capacity_ah[0] == 3.5
     assert known.capacity_ah[1] > 1.0

@@ -10,7 +10,7 @@ import pytest
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.imaging.asset_status import (
-    WAITS_S,
+    PICTURE_TIMEOUT_S,
     find_missed_segments,
     judge_pictures,
     record_flown_segments,
@@ -83,9 +83,9 @@ def test_a_pylon_counts_by_nearer_pictures_once_they_show_all_of_it() -> None:
 def test_nearer_pictures_that_lack_a_viewpoint_take_nothing_away() -> None:
     context, state = around_again(1)
     counted = state.coverage.inspected, state.coverage.inspected_at_m, state.coverage.caught
-    state, commands = judge_pictures(context, state, NOW_S + WAITS_S - 0.1)
+    state, commands = judge_pictures(context, state, NOW_S + PICTURE_TIMEOUT_S - 0.1)
     assert commands == ()
-    state, commands = judge_pictures(context, state, NOW_S + WAITS_S + 0.1)
+    state, commands = judge_pictures(context, state, NOW_S + PICTURE_TIMEOUT_S + 0.1)
     [line] = [command for command in commands if isinstance(command, Say)]
     assert line.level is Level.INFO
     assert (
@@ -100,7 +100,7 @@ def test_what_was_opened_meanwhile_counts_by_what_nearer_pictures_show(seen: tup
     """An operator asks for proof of what counts by evidence alone, while its nearer pictures are waited for."""
     context, state = around_again(*seen)
     state = replace(state, coverage=replace(state.coverage, inspected=MappingProxyType({})))
-    state, commands = judge_pictures(context, state, NOW_S + WAITS_S + 0.1)
+    state, commands = judge_pictures(context, state, NOW_S + PICTURE_TIMEOUT_S + 0.1)
     assert commands == ()
     assert state.coverage.inspected.get(PYLON) == by
     assert state.coverage.unseen == {}

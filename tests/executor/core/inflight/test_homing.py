@@ -21,8 +21,7 @@ COMES = flying(**{**HOMEWARD, "heartbeat": beat()}, errand=HomingOrder(NOW_S))
 
 def advice(**given: Any) -> str:
     """Return what is to be done, and why."""
-    found = homing.advise_homing(CONTEXT, with_facts(COMES, **given), NOW_S)
-    return f"{found.answer.value}: {found.words}"
+    return ": ".join(homing.advise_homing(CONTEXT, with_facts(COMES, **given), NOW_S))
 
 
 SINKS = Fault(FaultKind.INTERRUPTION, "sinks", NOW_S - 1.0, FaultCode.SINKING)
@@ -213,7 +212,7 @@ def test_a_failsafe_that_begins_in_a_hold_of_ours_is_waited_for(given: dict[str,
     """PX4 holds before it lands: the mode is the one that the crew chose, and an order would take its place."""
     held = {"heartbeat": Heartbeat(12, PX4_HOLD, True, 4), "mode_since_s": NOW_S - 30.0}
     found = homing.advise_homing(PX4, with_facts(COMES, **(held | given)), NOW_S)
-    assert f"{found.answer.value}: {found.words}" == expected
+    assert ": ".join(found) == expected
 
 
 def test_an_arducopters_failsafe_acts_at_once() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from executor.core.interface.codes import Check, Severity
 from executor.core.interface.messages import ParamValue, Version
-from executor.core.preflight import link_timeout, onboard_failsafes, vehicle_checks
+from executor.core.preflight import onboard_failsafes, vehicle_checks
 from executor.core.preflight.parameter_changes import Answers, propose_return_changes
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from missions import ARDUPILOT, PX4, Dialect, FlightPath
@@ -37,7 +37,7 @@ def link_lines(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     own = onboard_failsafes.read_link_failsafe(dialect, facts.parameters, facts.unread)
     return [
         vehicle_checks.check_link_failsafe(
-            facts, own, waited_s=link_timeout.effective_link_timeout_s(dialect, None, 0.0, own), wanted_s=None
+            facts, own, waited_s=onboard_failsafes.effective_link_timeout_s(dialect, None, 0.0, own), wanted_s=None
         )
     ]
 
@@ -55,7 +55,7 @@ READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[Vehicle
         lambda facts, known: vehicle_checks.check_battery_failsafe_settings(facts, known, 40.0),
     ),
     ("the flight times", lambda known: tuple(one.parameter for one in known.tunings), vehicle_checks.flight_times),
-    ("the ground", vehicle_checks.list_terrain_parameters, vehicle_checks.check_terrain_following),
+    ("the ground", lambda known: tuple(one.parameter for one in known.terrain), vehicle_checks.check_terrain_following),
 ]
 
 
@@ -111,10 +111,10 @@ def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dia
     rule = dialect.ground_station_failsafe
     own = onboard_failsafes.read_link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
     assert (own.acts, own.after_s >= rule.timeout_most_s) == (None, True)
-    assert link_timeout.effective_link_timeout_s(dialect, None, 0.0, own) >= rule.timeout_most_s
-    assert link_timeout.effective_link_timeout_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
+    assert onboard_failsafes.effective_link_timeout_s(dialect, None, 0.0, own) >= rule.timeout_most_s
+    assert onboard_failsafes.effective_link_timeout_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
     nothing = onboard_failsafes.read_link_failsafe(dialect, {rule.action: 0.0}, ())
-    assert link_timeout.effective_link_timeout_s(dialect, 20.0, 0.0, nothing) == 20.0
+    assert onboard_failsafes.effective_link_timeout_s(dialect, 20.0, 0.0, nothing) == 20.0
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from executor.core.preflight.parameter_changes import (
     ChangeStage,
     KeptList,
     KeptParameter,
-    ValueOrigin,
     build_board_record,
     format_number,
 )
@@ -35,11 +34,7 @@ def test_the_oldest_value_is_given_back() -> None:
     second = record(2700.0, 3200.0, replace(first, stage=ChangeStage.SET))
     third = record(3200.0, 2700.0, second)
     assert [one.old for one in (first, second, third)] == [1500.0, 1500.0, 1500.0]
-    assert [second.classify(value) for value in (1500.0, 2700.0, 3200.0)] == [
-        ValueOrigin.OLD,
-        ValueOrigin.OURS,
-        ValueOrigin.OURS,
-    ]
+    assert [second.classify(value) for value in (1500.0, 2700.0, 3200.0)] == ["old", "ours", "ours"]
     assert all(one.stage is ChangeStage.PLANNED for one in (first, second, third))
     assert third.earlier == (3200.0,)
 
@@ -50,7 +45,7 @@ def test_what_was_planned_and_never_sent_is_no_older_value() -> None:
 
 def test_what_somebody_set_since_is_what_was_there() -> None:
     assert record(4000.0, 2700.0, record(1500.0, 3200.0)).old == 4000.0
-    assert record(1500.0, 3200.0).classify(4000.0) is ValueOrigin.OTHER
+    assert record(1500.0, 3200.0).classify(4000.0) == "other"
     given_back = replace(record(1500.0, 2700.0), stage=ChangeStage.RESTORED)
     assert record(2700.0, 3200.0, given_back).old == 2700.0, "it was given back, so somebody else set that"
 
@@ -90,7 +85,7 @@ def test_the_whole_record_keeps_its_order() -> None:
 
 
 def test_what_is_found_on_board_is_old_or_ours_or_somebody_elses() -> None:
-    assert [KEPT.classify(value).value for value in (3000.0, 1500.0, 1400.0)] == ["old", "ours", "other"]
+    assert [KEPT.classify(value) for value in (3000.0, 1500.0, 1400.0)] == ["old", "ours", "other"]
 
 
 def test_all_but_what_is_back_is_still_open() -> None:
@@ -118,4 +113,4 @@ def test_a_list_in_words() -> None:
     assert fence.words == "uav1: fence -> 3 items, as before the flight"
     assert replace(fence, old=CORNERS[:1]).words == "uav1: fence -> 1 item, as before the flight"
     assert rally.words == "uav1: rally points -> none, as before the flight"
-    assert [rally.classify(items) for items in ((), CORNERS, CORNERS[:2])] == [*ValueOrigin]
+    assert [rally.classify(items) for items in ((), CORNERS, CORNERS[:2])] == ["old", "ours", "other"]

@@ -49,5 +49,4 @@ def test_nothing_is_said_of_what_px4_passes_on_to_the_camera(trigger: Trigger | 
 
 
 def test_the_parameter_is_asked_for() -> None:
-    assert vehicle_checks.list_shutter_parameters(PX4) == ("TRIG_MODE",)
-    assert vehicle_checks.list_shutter_parameters(ARDUPILOT) == ("CAM1_TYPE",)
+    assert [PX4.shutter.parameter, ARDUPILOT.shutter.parameter] == ["TRIG_MODE", "CAM1_TYPE"]

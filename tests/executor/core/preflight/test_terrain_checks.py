@@ -36,12 +36,12 @@ def test_the_crew_is_told_where_an_autopilot_follows_the_ground_by_itself(
 
 
 def test_each_of_its_parameters_is_asked_for() -> None:
-    assert set(vehicle_checks.list_terrain_parameters(ARDUPILOT)) >= {
+    assert {rule.parameter for rule in ARDUPILOT.terrain} >= {
         "RTL_ALT_TYPE",
         "TERRAIN_ENABLE",
         "WPNAV_RFND_USE",
     }
-    assert vehicle_checks.list_terrain_parameters(PX4) == ("MPC_ALT_MODE",)
+    assert [rule.parameter for rule in PX4.terrain] == ["MPC_ALT_MODE"]
 
 
 def test_a_gps_that_is_too_high_flies_low_over_the_ground(tmp_path: Path) -> None:

@@ -297,8 +297,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what is left after the flight",
-        lambda: [checks.charge_after_flight_pct(CONTEXT, path, 50.0) for path in (None, PATH)],
-        [None, 43.1177],
+        lambda: 50.0 - checks.estimate_flight(CONTEXT, PATH).energy_pct,
+        43.1177,
     ),
     (
         "whether its battery is enough",

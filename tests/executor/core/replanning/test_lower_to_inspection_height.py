@@ -13,7 +13,7 @@ from executor.core import fleet_step
 from executor.core.context import Context, DayRules
 from executor.core.interface.commands import Say, Upload
 from executor.core.interface.events import UploadEnded
-from executor.core.replanning.lower_to_inspection_height import MOST_LOST, lower_one_vehicle
+from executor.core.replanning.lower_to_inspection_height import LARGEST_LOSS, lower_one_vehicle
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.vehicle_state import Stage, build_onboard_mission
@@ -99,7 +99,7 @@ def test_it_stays_in_its_layer_where_that_is_better(why: str) -> None:
     assert board is not None
     match why:
         case "lossy":  # an upload that breaks off helps nobody
-            bad = LinkQuality(lost=2 * MOST_LOST, usual=0.0)
+            bad = LinkQuality(lost=2 * LARGEST_LOSS, usual=0.0)
             state = state.put(replace(own, link=replace(own.link, quality=bad)))
         case "poor":
             state = state.put(with_facts(own, battery=pack(17.0, 17.0)))

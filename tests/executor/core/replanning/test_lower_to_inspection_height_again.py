@@ -14,7 +14,7 @@ from executor.core.interface.commands import Command, Level, Say, Start
 from executor.core.interface.events import IntentReceived, Tick, UploadEnded
 from executor.core.interface.intents import Action, Intent
 from executor.core.interface.messages import Heartbeat
-from executor.core.replanning.lower_to_inspection_height import AT_ONCE, MOST_LOST, SPARE_PCT, lower_one_vehicle
+from executor.core.replanning.lower_to_inspection_height import LARGEST_LOSS, LARGEST_PASS, SPARE_PCT, lower_one_vehicle
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.vehicle_parts import PlannedSortie, PositionFix
@@ -125,7 +125,7 @@ def test_it_flies_home_where_that_is_better(why: str) -> None:
             other = with_facts(state.vehicles["uav4"], board=build_onboard_mission(chosen, "uav4", 0, path, route))
             state = state.put(flying_to(other, 1))
         case "lossy":
-            bad = LinkQuality(lost=2 * MOST_LOST, usual=0.0)
+            bad = LinkQuality(lost=2 * LARGEST_LOSS, usual=0.0)
             state = state.put(replace(own, link=replace(own.link, quality=bad)))
         case "poor":
             state = state.put(with_facts(own, battery=pack(18.0, 18.0)))
@@ -182,7 +182,7 @@ def test_of_many_the_nearest_are_flown_first() -> None:
     assert len(uploads(commands)) == 1
     assert state.replanning.replan is not None
     given_again = [segment_of(visit) for visit in state.replanning.replan.solve.given]
-    assert len(given_again) == AT_ONCE
+    assert len(given_again) == LARGEST_PASS
     assert set(given_again[:2]) == {1, 2}
 
 

@@ -322,7 +322,7 @@ def test_who_was_told_to_return_and_says_it_flies_its_mission_is_not_taken_to_ha
     vehicle = with_facts(vehicle, heartbeat=Heartbeat(3, mode, True, 4))
     state = state.put(vehicle)
     assert replan_separation.is_line_occupied(chosen, state, NOW_S + 1.0) is leaves
-    later_s = NOW_S + replan_separation.SEEN_UP_S
+    later_s = NOW_S + replan_separation.CLIMB_TIMEOUT_S
     assert not replan_separation.is_line_occupied(chosen, state, later_s)
     taken = replan_separation.find_occupied_airways(chosen, state, (), later_s)
     assert any(one.vehicle == "uav4" and one.has_wall.any() for one in taken) is leaves
@@ -476,4 +476,6 @@ def test_who_is_lost_is_down_when_it_must_have_landed(returns: bool) -> None:
 
     assert may_be_there(replan_separation.DOWN_FACTOR * rest_s)
     # One that would not come home by itself may be anywhere, for as long as its battery lasts.
-    assert may_be_there(replan_separation.DOWN_FACTOR * (rest_s + 300.0) + replan_separation.DOWN_MORE_S) is not returns
+    assert (
+        may_be_there(replan_separation.DOWN_FACTOR * (rest_s + 300.0) + replan_separation.DOWN_MARGIN_S) is not returns
+    )

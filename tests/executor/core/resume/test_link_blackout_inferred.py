@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.interface.messages import Heartbeat
-from executor.core.resume.link_blackout import NOTHING, InferredCoverage, infer_coverage
+from executor.core.resume.link_blackout import InferredCoverage, infer_coverage
 from executor.core.state.inspection_proof import NOISE_M, InspectionRun, PositionSample, Track, advance_run, join_run
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import LastKnown, ModeCause, PositionFix, Takeover
@@ -100,10 +100,10 @@ def test_the_speed_that_it_is_found_at_is_that_over_ground() -> None:
 
 
 def test_nothing_happened_on_one_leg_of_the_way() -> None:
-    assert found((FIRST, 0.2), (FIRST, 0.6), run=None) == NOTHING
-    assert found((SECOND + 1, 0.2), (SECOND + 1, 0.6)) == NOTHING
-    assert found(TRANSIT, HOME, before=None) == NOTHING
-    assert found(TRANSIT, HOME, fix=None) == NOTHING
+    assert found((FIRST, 0.2), (FIRST, 0.6), run=None) == InferredCoverage()
+    assert found((SECOND + 1, 0.2), (SECOND + 1, 0.6)) == InferredCoverage()
+    assert found(TRANSIT, HOME, before=None) == InferredCoverage()
+    assert found(TRANSIT, HOME, fix=None) == InferredCoverage()
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -263,7 +263,7 @@ def test_who_landed_too_soon_has_not() -> None:
 def test_what_it_used_tells_how_far_it_flew(sign: float) -> None:
     assert landed(extra_pct=sign * 1.95).segments == (0, 1)
     assert " %, expected " in landed(extra_pct=sign * 2.05).why_not
-    assert landed(before=None) == NOTHING
+    assert landed(before=None) == InferredCoverage()
 
 
 def test_what_was_used_in_the_gap_does_not_judge_itself() -> None:

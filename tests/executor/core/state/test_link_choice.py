@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.core.state.link_choice import (
-    LASTING_S,
-    MOST_SILENT_S,
-    RETURNS_S,
+    BETTER_S,
+    LONGEST_PAUSE_S,
+    PREFERRED_S,
     SILENT_S,
     LinkChoice,
     LinkHealth,
@@ -62,7 +62,7 @@ def test_from_a_link_that_is_alive_orders_move_to_one_that_is_clearly_better_for
 ) -> None:
     first = choose_link(LinkChoice(), (used, other), NOW_S)
     assert first.used == 0
-    later_s = NOW_S + LASTING_S
+    later_s = NOW_S + BETTER_S
     heard = tuple(replace(link, heard_s=later_s) for link in (used, other))
     assert choose_link(first, heard, later_s - 0.1).used == 0
     last = choose_link(first, heard, later_s)
@@ -77,7 +77,7 @@ def test_orders_return_to_the_preferred_link_once_it_has_been_as_good_for_a_whil
     for second in range(40):
         links = tuple(replace(link, heard_s=NOW_S + second) for link in (preferred, LTE))
         choice = choose_link(choice, links, NOW_S + second)
-        assert choice.used == (0 if returns and second >= RETURNS_S else 1)
+        assert choice.used == (0 if returns and second >= PREFERRED_S else 1)
 
 
 def test_a_mission_that_is_under_way_is_not_begun_anew_for_a_better_link() -> None:
@@ -103,10 +103,10 @@ def test_how_long_a_link_may_be_silent_follows_its_pauses(pauses_s: list[float])
     for pause_s in pauses_s:
         now_s += pause_s
         link = link.hear(now_s)
-        assert SILENT_S <= link.silent_after_s <= MOST_SILENT_S
-        assert link.silent_after_s >= min(MOST_SILENT_S, pause_s)
+        assert SILENT_S <= link.silent_after_s <= LONGEST_PAUSE_S
+        assert link.silent_after_s >= min(LONGEST_PAUSE_S, pause_s)
     assert link.is_alive(now_s)
-    assert not link.is_alive(now_s + MOST_SILENT_S + 0.1)
+    assert not link.is_alive(now_s + LONGEST_PAUSE_S + 0.1)
 
 
 def test_a_silence_is_no_pause() -> None:

@@ -6,13 +6,13 @@ from executor.core import fleet_step
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Heard, Tick
 from executor.core.interface.messages import ComponentText, DoubleHeard, StationActed, StationHeard, StatusText
-from executor.core.telemetry.status_texts import MOST_LINES, WINDOW_S, TextRank
-from executor.core.telemetry.vehicle_identity import MOST_NAMED
+from executor.core.telemetry.status_texts import MAX_LINES, WINDOW_S, TextRank
+from executor.core.telemetry.vehicle_identity import MAX_SYSTEMS
 from tests.executor.builders import with_facts
 from tests.executor.core.stories import FLEET, story
 from tests.fakes.flight import Story
 
-WARNINGS, IMPORTANT = MOST_LINES[TextRank.WARNING], MOST_LINES[TextRank.IMPORTANT]
+WARNINGS, IMPORTANT = MAX_LINES[TextRank.WARNING], MAX_LINES[TextRank.IMPORTANT]
 
 
 class Words:
@@ -98,10 +98,10 @@ def test_two_hundred_strangers_are_a_few_lines_and_no_room_is_taken_from_a_secon
     flight = story()
     for system in range(2, 202):
         flight.happen(Heard("uav1", StationHeard(system, 190)))
-    assert len(strangers(flight)) == MOST_NAMED
+    assert len(strangers(flight)) == MAX_SYSTEMS
     assert strangers(flight)[-1].endswith("component 190; further ones are not listed")
     assert "not named" not in strangers(flight)[-2]
-    assert len(flight.state.vehicles["uav1"].link.strangers) == MOST_NAMED
+    assert len(flight.state.vehicles["uav1"].link.strangers) == MAX_SYSTEMS
     flight.happen(Heard("uav1", DoubleHeard(1, ("A", "B"))))
     assert "uav1: sysid 1 is used at A and B: duplicate system id" in flight.said()
 

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.core.preflight.vehicle_checks import PREARM_SENSORS, parse_prearm_reason
-from executor.core.telemetry.vehicle_identity import AUTOPILOT_NAMES, MULTICOPTERS, OTHERS, parse_banner_version
+from executor.core.telemetry.vehicle_identity import AUTOPILOT_NAMES, MULTICOPTERS, OTHER_TYPES, parse_banner_version
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_types_autopilots_and_sensors_have_pymavlinks_numbers() -> None:
     types = {number: entry.name for number, entry in mav.enums["MAV_TYPE"].items()}
     expected = {"QUADROTOR", "HEXAROTOR", "OCTOROTOR", "TRICOPTER", "DODECAROTOR", "DECAROTOR"}
     assert {types[number].removeprefix("MAV_TYPE_") for number in MULTICOPTERS} == expected
-    assert all(number in types for number in OTHERS)
+    assert all(number in types for number in OTHER_TYPES)
     assert AUTOPILOT_NAMES[mav.MAV_AUTOPILOT_PX4] == "PX4"
     assert AUTOPILOT_NAMES[mav.MAV_AUTOPILOT_ARDUPILOTMEGA] == "ArduPilot"
     names = {number: entry.name for number, entry in mav.enums["MAV_SYS_STATUS_SENSOR"].items()}
