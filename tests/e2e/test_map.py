@@ -10,10 +10,11 @@ from playwright.async_api import expect
 
 from executor.site.ground_view import encode_ground
 from missions import LocalFrame
+from tests.e2e.browser import IN_CHROMIUM
 from tests.e2e.mapped import FRAME, PLACES_M, STATIC, Mapped, Place, is_near, mapped
 from tests.executor.grounds import Hills, ground_about
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 
 RING = [(100.0, -150.0), (300.0, -150.0), (300.0, -250.0), (100.0, -250.0)]
 
