@@ -125,7 +125,7 @@ async def planning_alone(root: Path, site: Path | None = None) -> AsyncIterator[
 
 async def _count_iterations(route: Route) -> None:
     """Ask for a search that finds the same on every computer, however busy, unless it is meant to go on."""
-    asked = route.request.post_data_json
+    asked: Any = route.request.post_data_json
     if asked["seconds"] <= SHORT_S:
         kind = "front" if asked["front"] else "day" if asked["day"] else "plan"
         asked |= {"seconds": PATIENCE_S, "iterations": ITERATIONS[kind]}

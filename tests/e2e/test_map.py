@@ -16,6 +16,10 @@ from tests.executor.grounds import Hills, ground_about
 
 pytestmark = IN_CHROMIUM
 
+SHARP = """async () => {
+  while (map.still.scale !== map.view.scale) await new Promise((go) => requestAnimationFrame(go));
+}"""
+"""Waits until what was zoomed as a picture is drawn anew."""
 RING = [(100.0, -150.0), (300.0, -150.0), (300.0, -250.0), (100.0, -250.0)]
 
 
@@ -206,7 +210,7 @@ async def test_what_is_moved_as_a_picture_is_what_would_be_drawn_there() -> None
         assert len(set(pictures)) == 3
         await shown.run("map.fit()")
         await shown.run("map.zoom(1.3)")
-        await shown.page.wait_for_timeout(400.0)  # until the picture that was zoomed is drawn anew
+        await shown.run(SHARP)
         sharp = await shown.picture()
         await shown.run("map.renew()")
         assert await shown.picture() == sharp

@@ -81,6 +81,7 @@ async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_k
         await page.locator('[data-act="span.clear"]').click()
         await hand.click('[data-tool="box"]')
         await hand.drag((0.01, 0.2), (0.99, 0.99))
+        await expect(page.locator("#selected")).to_be_visible()
         boxed = await page.locator("#selected b").inner_text()
         await hand.click('[data-act="span.clear"]')
         await hand.click('[data-tool="lasso"]')

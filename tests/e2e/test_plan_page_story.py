@@ -126,10 +126,10 @@ async def test_a_loss_is_answered_where_the_slider_stands(shared: Opened, site: 
         await expect(notice).to_contain_text(re.compile(r"The others inspect|left over"))
         await expect(page.locator("#times .row").nth(1).locator(".lost")).to_be_visible()
         await expect(page.locator("#times .row").nth(1).locator(".where")).to_contain_text("lost at T+")
-        assert await page.locator("#times .visit.again").count() > 0
+        await expect(page.locator("#times .visit.again")).not_to_have_count(0)
         await hand.click(notice.get_by_role("button", name="Back to the plan"))
         await expect(notice).to_be_hidden()
-        assert await page.locator("#times .visit.again").count() == 0
+        await expect(page.locator("#times .visit.again")).to_have_count(0)
 
 
 async def test_a_change_by_hand_is_checked_and_priced_before_it_is_kept(shared: Opened, site: Path) -> None:
@@ -241,6 +241,8 @@ async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(
 
 async def test_a_flight_that_does_not_begin_says_why(shared: Opened, site: Path) -> None:
     use_free_ports(site)
+    with site.open("a", encoding="utf-8") as file:
+        file.write("[flight]\nconnect_timeout_s = 1.0\n")
     async with planned(shared, site) as (page, hand):
         await hand.click("#checklist")
         await expect(page.locator(".flying .notice")).to_contain_text("no heartbeat of system 1")

@@ -99,6 +99,12 @@ async def _until(page: Page, met: str) -> None:
     await page.evaluate(f"async () => {{ while (!({met})) await {frame}; }}")
 
 
+async def _picture(page: Page) -> bytes:
+    """Return what the map shows, once it is drawn."""
+    await page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
+    return await page.locator("#map canvas").screenshot()
+
+
 async def _find(page: Page, words: str) -> tuple[float, float]:
     """Point at the place of which the map says something; returns where."""
     found = await page.evaluate(SEARCH, words)
@@ -125,17 +131,16 @@ async def test_the_map_says_what_became_of_what_is_pointed_at(tmp_path: Path, re
 
 async def test_plans_and_vehicles_are_chosen(tmp_path: Path, record: FlightRecord) -> None:
     async with _showing(tmp_path, record, _site()) as page:
-        canvas = page.locator("#map canvas")
         plans = await page.locator("#planned option").all_inner_texts()
         assert plans[:2] == ["not shown", "first plan"]
         assert plans[2].startswith("re-plan 1, T+")
-        seen = {await canvas.screenshot()}
+        seen = {await _picture(page)}
         for number in (1, 2):
             await page.select_option("#planned", index=number)
-            seen.add(await canvas.screenshot())
+            seen.add(await _picture(page))
         await page.locator("#fleet button", has_text="uav1").click()
         await expect(page.locator('#fleet [aria-pressed="true"]')).to_have_text("uav1")
-        seen.add(await canvas.screenshot())
+        seen.add(await _picture(page))
         assert len(seen) == 4
         await page.locator("#fleet button", has_text="uav1").click()
         await expect(page.locator('#fleet [aria-pressed="true"]')).to_have_count(0)
