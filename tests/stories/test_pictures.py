@@ -21,7 +21,7 @@ FOUR: Routes = {"uav1": (0, 2, 4), "uav2": (6, 8)}
 
 
 def half(*choices: Sequence[Any]) -> list[Any]:
-    """Return every case, a half of them for `./scripts/campaign`: the other half has every pair of choices."""
+    """Return every case, half of them for `./scripts/stories`: the other half has every pair of choices."""
     cases = product(*map(enumerate, choices))
     return [
         pytest.param(*(value for _, value in case), marks=pytest.mark.campaign if sum(n for n, _ in case) % 2 else ())
