@@ -8,6 +8,7 @@ import pytest
 
 from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.flight.restore_vehicles import PARAMETERS
+from planner.kernels import compiling
 from tests.recorded import Writer, flight
 from tests.test_extras import SITE, called
 
@@ -35,7 +36,10 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
     changed = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", stage=ChangeStage.SET)
     PARAMETERS.write(folder / "run", [changed])
     (folder / "run" / "site.toml").write_text(SITE, encoding="utf-8")
-    return called(folder, [*DONE, *NOT_FLOWN], first=WINDOWS)
+    with pytest.MonkeyPatch.context() as patch:
+        # Where Windows has them nobody has compiled the kernels yet: half a minute, and minutes on a busy computer.
+        patch.setenv("NUMBA_CACHE_DIR", str(compiling._find_user_cache()))
+        return called(folder, [*DONE, *NOT_FLOWN], first=WINDOWS)
 
 
 @pytest.mark.parametrize("call", DONE)

@@ -45,7 +45,7 @@ class IntentBody(BaseModel):
     """Id of the inserted battery pack, for `swap`; omitted if packs have none."""
     base: Annotated[str, Field(max_length=64)] = ""
     """Base of the day, for `close`, `open` and `count`."""
-    charged: Annotated[int, Field(ge=0, le=MOST_PACKS)] | None = None
+    charged: Annotated[int, Field(ge=0, le=MAX_PACKS)] | None = None
     """Number of charged packs at the base now, for `count`."""
     assets: NamedAssets = ()
     """Assets to inspect again, for `prove`: names or segment numbers; omitted for all that are inferred or missed."""

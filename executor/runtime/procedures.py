@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
-from executor.core.interface.messages import Heartbeat, Message, MessageInterval, SendParamSet, StatusText
+from executor.core.interface.messages import Heartbeat, Message, MessageInterval, SendCommand, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
 from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands

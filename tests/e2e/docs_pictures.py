@@ -24,7 +24,8 @@ from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest, plan_site
 from missions import Window, build_flight_path
-from tests.e2e.gallery import Scene, Shown, browsing, fitted
+from tests.e2e.browser import browsing
+from tests.e2e.gallery import Scene, Shown, fitted
 from tests.e2e.plan_scenes import draw_plan_scene
 from tests.fakes.flight import Story
 

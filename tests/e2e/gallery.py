@@ -18,7 +18,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, Self
 
-from playwright.async_api import Page, async_playwright, expect
+from playwright.async_api import Page
 
 from executor.adapters.web.page_server import WebSettings
 from executor.adapters.web.server import WebServer
@@ -45,19 +45,15 @@ from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard
 from executor.site import site_model
 from executor.site.ground_view import GroundView, encode_ground
 from missions import Segment, Window, build_flight_path
+from tests.e2e.browser import DESK, browsing
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
-from tests.programs import find_program
 
-QUIET = (
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--disable-smooth-scrolling",
-)  # fmt: skip
 PLACES_M = [(90.0, -20.0), (190.0, 10.0), (290.0, 70.0), (395.0, 90.0), (500.0, 85.0), (600.0, 120.0), (300.0, 175.0)]
 PAIRS = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (2, 6)]
 ROUTES: Mapping[str, tuple[int, ...]] = {"uav1": (0, 2), "uav2": (4, 6), "uav3": (8, 10)}
-LAYOUTS = {"desk": (1440, 900), "phone": (390, 844)}
+LAYOUTS = {"desk": DESK, "phone": (390, 844)}
 SECOND = "uav2 is with its pilot, who would lose it to a landing where it is. Land it all the same?"
 
 CHECKS = (
@@ -531,25 +527,6 @@ class Line:
             to_browser.close()
 
         await asyncio.gather(there(), back(), return_exceptions=True)
-
-
-@asynccontextmanager
-async def browsing(
-    address: str, size: tuple[int, int] = LAYOUTS["desk"], *, patience_ms: float = 60_000.0
-) -> AsyncIterator[Page]:
-    """Open the page in a browser; whatever it complains of fails the test."""
-    complaints = list[str]()
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=find_program("chromium"), args=list(QUIET))
-        page = await browser.new_page(viewport={"width": size[0], "height": size[1]})
-        page.set_default_timeout(patience_ms)
-        expect.set_options(timeout=patience_ms)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("console", lambda line: complaints.append(line.text) if "Content Security" in line.text else None)
-        await page.goto(address)
-        yield page
-        await browser.close()
-    assert complaints == []
 
 
 async def _open_list(page: Page) -> None:

@@ -11,14 +11,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from playwright.async_api import Page, Route, async_playwright, expect
+from playwright.async_api import Page, Route
 
 import executor.adapters.web
 from executor.adapters.web.guard import HEADERS
 from missions import LocalFrame
-from tests.e2e.gallery import QUIET
-from tests.patience import PATIENCE_S
-from tests.programs import find_program
+from tests.e2e.browser import looking
 
 HOST = "http://map.test"
 STATIC = Path(executor.adapters.web.__file__).parent / "static"
@@ -132,14 +130,14 @@ async def mapped(
     ground: Mapping[str, bytes] = MappingProxyType({}),
 ) -> AsyncIterator[Mapped]:
     """Open the map in a browser; whatever it complains of, or fetches from elsewhere, fails the test."""
-    complaints = list[str]()
+    fetched = list[str]()
 
     async def serve(route: Route) -> None:
         name = route.request.url.removeprefix(HOST).partition("?")[0]
         extra = {"/files/alone.css": STYLE, "/files/alone.js": SCRIPT}
         file = STATIC / name.removeprefix("/files/")
         if not route.request.url.startswith(HOST):
-            complaints.append(route.request.url)
+            fetched.append(route.request.url)
             await route.abort()
         elif name == "/":
             await route.fulfill(body=PAGE, content_type="text/html; charset=utf-8", headers=dict(HEADERS))
@@ -150,18 +148,12 @@ async def mapped(
             script = extra[name] if name in extra else file.read_text(encoding="utf-8")
             await route.fulfill(body=script, headers={**HEADERS, "content-type": KINDS[file.suffix]})
 
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=find_program("chromium"), args=list(QUIET))
-        page = await browser.new_page(
-            viewport={"width": 900, "height": 700}, has_touch=touch, color_scheme="dark" if dark else "light"
-        )
-        page.set_default_timeout(1000.0 * PATIENCE_S)
-        expect.set_options(timeout=1000.0 * PATIENCE_S)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("console", lambda line: complaints.append(line.text) if "status of 404" not in line.text else None)
+    scheme = "dark" if dark else "light"
+    async with looking(
+        lambda line: "status of 404" not in line, (900, 700), has_touch=touch, color_scheme=scheme
+    ) as page:
         await page.route("**/*", serve)
         await page.goto(f"{HOST}/" if frame else f"{HOST}/?metres")
         await page.locator("#alone canvas").wait_for()
         yield Mapped(page, frame)
-        await browser.close()
-    assert complaints == []
+    assert fetched == []

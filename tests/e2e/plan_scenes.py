@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from playwright.async_api import Page, expect
 
-from tests.e2e.plan_pages import SIZES, Hand, planning, write_kml
+from tests.e2e.plan_pages import SIZES, Hand, planning_alone, write_kml
 from tests.executor.plan_page.opened import make_demo_site
 
 Act = Callable[[Page, Hand], Awaitable[None]]
@@ -110,7 +110,7 @@ async def draw_plan_scene(folder: Path, name: str, *, in_tutorial: bool = False)
     async with AsyncExitStack() as stack:
         root = Path(stack.enter_context(TemporaryDirectory()))
         site = None if name in WITHOUT_SITE else make_demo_site(root)
-        page, _ = await stack.enter_async_context(planning(root, site))
+        page, _ = await stack.enter_async_context(planning_alone(root, site))
         await PLAN_SCENES[name](page, Hand(page))
         for layout, (wide, high) in (DESK if in_tutorial else SIZES).items():
             await page.set_viewport_size({"width": wide, "height": high})

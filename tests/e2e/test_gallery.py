@@ -6,9 +6,10 @@ import pytest
 from playwright.async_api import expect
 
 from executor.core.interface.intents import Action
-from tests.e2e.gallery import LAYOUTS, SCENES, SECOND, Line, Shown, browsing, scene_of
+from tests.e2e.browser import IN_CHROMIUM, browsing
+from tests.e2e.gallery import LAYOUTS, SCENES, SECOND, Line, Shown, scene_of
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 
 
 BEYOND = """[...document.querySelectorAll(".strip *, #briefing *, #offer *, #lines *")].filter((one) =>

@@ -10,11 +10,16 @@ from playwright.async_api import expect
 
 from executor.site.ground_view import encode_ground
 from missions import LocalFrame
+from tests.e2e.browser import IN_CHROMIUM
 from tests.e2e.mapped import FRAME, PLACES_M, STATIC, Mapped, Place, is_near, mapped
 from tests.executor.grounds import Hills, ground_about
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 
+SHARP = """async () => {
+  while (map.still.scale !== map.view.scale) await new Promise((go) => requestAnimationFrame(go));
+}"""
+"""Waits until what was zoomed as a picture is drawn anew."""
 RING = [(100.0, -150.0), (300.0, -150.0), (300.0, -250.0), (100.0, -250.0)]
 
 
@@ -205,7 +210,7 @@ async def test_what_is_moved_as_a_picture_is_what_would_be_drawn_there() -> None
         assert len(set(pictures)) == 3
         await shown.run("map.fit()")
         await shown.run("map.zoom(1.3)")
-        await shown.page.wait_for_timeout(400.0)  # until the picture that was zoomed is drawn anew
+        await shown.run(SHARP)
         sharp = await shown.picture()
         await shown.run("map.renew()")
         assert await shown.picture() == sharp

@@ -10,14 +10,12 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, expect
 
+from tests.e2e.browser import browsing
 from tests.e2e.flights import called, ended, said_in, site_file
-from tests.e2e.gallery import browsing
-from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 
-PATIENCE_MS = 1000.0 * PATIENCE_S
 SHOTS = os.environ.get("FAULTLINE_SHOTS")
 """A folder for pictures of the page, for who wants to look at it."""
 
@@ -53,7 +51,7 @@ async def test_a_flight_with_a_loss_is_watched_and_steered(tmp_path: Path) -> No
     flown = ("fly", str(site), "--plan", str(plan), "--yes", "--run", str(tmp_path / "run"))
     async with called(*simulated), called(*flown) as fly:
         await said_in(fly.stderr, f"page: http://127.0.0.1:{port}/")
-        async with browsing(f"http://127.0.0.1:{port}/", patience_ms=PATIENCE_MS) as page:
+        async with browsing(f"http://127.0.0.1:{port}/") as page:
             strips = page.locator(".strip")
             await expect(strips).to_have_count(4)
             first, lost, third = strips.nth(0), strips.nth(1), strips.nth(2)

@@ -15,12 +15,13 @@ from executor.core.context import DayRules, PackRules
 from executor.core.fleet_view import build_fleet_view
 from executor.site.ground_view import encode_ground
 from missions import BreakingLoss, Window
-from tests.e2e.gallery import LAYOUTS, PLACES_M, Shown, browsing, scene_of
+from tests.e2e.browser import IN_CHROMIUM, browsing
+from tests.e2e.gallery import LAYOUTS, PLACES_M, Shown, scene_of
 from tests.executor.builders import with_facts
 from tests.executor.grounds import Hills, ground_about
 from tests.missions.builders import FRAME
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 HILLS = Hills(cell_m=5.0)
 PLANE = Hills(hill_m=0.0, slope=(0.1, 0.2))
 WINDOW = Window(80.0, 65.0, 325.0, BreakingLoss("uav2", 10.0, 65.0))

@@ -9,10 +9,11 @@ import pytest
 from playwright.async_api import expect
 
 from executor.adapters.web.page_server import STATIC
-from tests.e2e.gallery import LAYOUTS, Shown, browsing, scene_of
+from tests.e2e.browser import IN_CHROMIUM, browsing
+from tests.e2e.gallery import LAYOUTS, Shown, scene_of
 from tests.e2e.test_gallery import BEYOND
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 
 HOLE = re.compile(r"\{(\w*)(?:!\w)?(?::([^}]*))?\}")
 TRANSLATED = """async ([catalogue, texts]) => {

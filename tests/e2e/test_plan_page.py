@@ -10,11 +10,11 @@ import pytest
 from playwright.async_api import Page, Route, expect
 
 from executor.plan_page.plan_work import PlanSettings, make_plans
-from tests.e2e.gallery import browsing
-from tests.e2e.plan_pages import PATIENCE_MS, SIZES, Hand, look_at, planning, ready, write_kml
-from tests.executor.plan_page.opened import make_demo_site, opened
+from tests.e2e.browser import IN_CHROMIUM, browsing
+from tests.e2e.plan_pages import SIZES, Hand, look_at, planning, planning_alone, ready, write_kml
+from tests.executor.plan_page.opened import Opened, make_demo_site, opened
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 
 SCRIPT = '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>'
 DROP = """([name, text]) => {
@@ -34,11 +34,10 @@ async def in_file(page: Page, site: Path, words: str) -> None:
     assert words in await asyncio.to_thread(site.read_text, encoding="utf-8")
 
 
-async def test_what_is_typed_is_saved_and_what_is_wrong_is_said_at_its_field(tmp_path: Path) -> None:
-    site = make_demo_site(tmp_path)
+async def test_what_is_typed_is_saved_and_what_is_wrong_is_said_at_its_field(shared: Opened, site: Path) -> None:
     comment = "# what a route may use"
-    assert comment in site.read_text(encoding="utf-8")
-    async with planning(tmp_path, site) as (page, _):
+    assert comment in await asyncio.to_thread(site.read_text, encoding="utf-8")
+    async with planning(shared, site) as page:
         hand = Hand(page)
         await hand.open("vehicles")
         await hand.click("#step-vehicles .item > summary >> nth=0")
@@ -54,7 +53,7 @@ async def test_what_is_typed_is_saved_and_what_is_wrong_is_said_at_its_field(tmp
         await expect(field.locator(".wrong")).to_be_hidden()
         await expect(page.locator("#start")).to_be_enabled()
         await in_file(page, site, "budget_pct = 62.5")
-        assert comment in site.read_text(encoding="utf-8")
+        await in_file(page, site, comment)
         await page.locator("#step-vehicles > summary").focus()
         for _ in range(2):
             await page.keyboard.press("Control+z")
@@ -71,17 +70,18 @@ async def test_what_a_button_mends_is_shown_without_the_other_fields(tmp_path: P
     site = tmp_path / "site.toml"
     with site.open("w", encoding="utf-8") as file:
         file.write(f'[network]\nfile = "{kml.name}"\n[depot]\nlat_deg = 49.6\nlon_deg = 15.6\nalt_m = 460\n')
-        file.write('[[vehicle]]\nname = "uav1"\nsysid = 1\nconnection = "udpin://0.0.0.0:14551"\nautopilot = "ardupilot"\n')
-    async with planning(tmp_path, site) as (page, _):
+        file.write(
+            '[[vehicle]]\nname = "uav1"\nsysid = 1\nconnection = "udpin://0.0.0.0:14551"\nautopilot = "ardupilot"\n'
+        )
+    async with planning_alone(tmp_path, site) as (page, _):
         step = page.locator("#step-network")
         await expect(step.locator("button.wrong")).to_contain_text("line.kml: heights")
         await expect(step.get_by_role("button", name="The ground is level there")).to_be_in_viewport()
         await expect(step.locator('[data-path="network.file"]')).to_be_hidden()
 
 
-async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_key(tmp_path: Path) -> None:
-    site = make_demo_site(tmp_path)
-    async with planning(tmp_path, site) as (page, _):
+async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_key(shared: Opened, site: Path) -> None:
+    async with planning(shared, site) as page:
         hand = Hand(page)
         await page.keyboard.press("/")
         await page.locator("#sought-segments").fill("V101.1..V101.2")
@@ -96,6 +96,7 @@ async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_k
         await page.locator('[data-act="span.clear"]').click()
         await hand.click('[data-tool="box"]')
         await hand.drag((0.01, 0.2), (0.99, 0.99))
+        await expect(page.locator("#selected")).to_be_visible()
         boxed = await page.locator("#selected b").inner_text()
         await hand.click('[data-act="span.clear"]')
         await hand.click('[data-tool="lasso"]')
@@ -111,16 +112,15 @@ async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_k
         await expect(page.locator('[data-tool="pick"]')).to_have_attribute("aria-pressed", "true")
 
 
-async def test_an_area_and_a_pad_are_put_on_the_map_and_their_corners_are_moved(tmp_path: Path) -> None:
-    site = make_demo_site(tmp_path)
-    async with planning(tmp_path, site) as (page, server):
+async def test_an_area_and_a_pad_are_put_on_the_map_and_their_corners_are_moved(shared: Opened, site: Path) -> None:
+    async with planning(shared, site) as page:
         hand = Hand(page)
         await hand.click('[data-tool="area"]')
         for corner in ((0.04, 0.2), (0.12, 0.2), (0.12, 0.3)):
             await hand.map(*corner)
         await hand.click("#tool-done")
         await expect(page.locator("#step-areas .status")).to_have_text("1 area")
-        first = server.checked()["values"]["area"][0]
+        first = shared.checked()["values"]["area"][0]
         assert (first["name"], len(first["polygon"])) == ("area1", 3)
         await hand.open("areas")
         await hand.click("#step-areas .item > summary")
@@ -131,13 +131,12 @@ async def test_an_area_and_a_pad_are_put_on_the_map_and_their_corners_are_moved(
         await expect(page.locator("#guided")).to_have_text("Click on the map: pad of uav1")
         await hand.map(0.3, 0.5)
         await expect(page.locator("#step-places .item b")).to_have_text("pad1 (pad)")
-        values = server.checked()["values"]
+        values = shared.checked()["values"]
         assert (values["vehicle"][0]["pad"], values["area"][0]["max_agl_m"]) == ("pad1", 60)
 
 
-async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(tmp_path: Path) -> None:
-    site = make_demo_site(tmp_path)
-    async with planning(tmp_path, site) as (page, server):
+async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(shared: Opened, site: Path) -> None:
+    async with planning(shared, site) as page:
         press = page.keyboard.press
         await press("?")
         await expect(page.locator("#help")).to_be_visible()
@@ -154,17 +153,13 @@ async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(tmp_path: Pa
         for key in ("k", "Tab", "Enter"):
             await press(key)
         await expect(page.locator("#legend-locked")).to_be_visible()
-        values = server.checked()["values"]
+        values = shared.checked()["values"]
         assert values["lock"] == [{"segments": ["V102.1"], "vehicle": "uav2"}]
         assert len(values["area"][0]["polygon"]) == 3
 
 
-async def test_a_second_tab_is_told_and_both_edits_are_kept(tmp_path: Path) -> None:
-    site = make_demo_site(tmp_path)
-    async with planning(tmp_path, site) as (page, server):
-        assert page.context.browser is not None
-        other = await page.context.browser.new_page()
-        await other.goto(server.server.address)
+async def test_a_second_tab_is_told_and_both_edits_are_kept(shared: Opened, site: Path) -> None:
+    async with planning(shared, site) as page, browsing(shared.server.address) as other:
         await ready(other)
         await expect(page.locator("#saved")).to_contain_text("open in 2 tabs")
         for tab, step, place, value in (
@@ -177,7 +172,7 @@ async def test_a_second_tab_is_told_and_both_edits_are_kept(tmp_path: Path) -> N
         await expect(page.locator('[data-path="inspection.height_m"] input')).to_have_value("18")
         await expect(other.locator('[data-path="inspection.standoff_m"] input')).to_have_value("7")
         await expect(other.locator("#answer")).to_contain_text("Another tab has changed this site")
-        inspection = server.checked()["values"]["inspection"]
+        inspection = shared.checked()["values"]["inspection"]
         assert (inspection["height_m"], inspection["standoff_m"]) == (18, 7)
 
 
@@ -186,7 +181,7 @@ async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_i
     with opened(tmp_path, site) as server:
         port = server.port
         address = server.server.address
-        browser = browsing(address, patience_ms=PATIENCE_MS)
+        browser = browsing(address)
         page = await browser.__aenter__()
         await ready(page)
         await Hand(page).open("inspection")
@@ -201,13 +196,13 @@ async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_i
         await browser.__aexit__(None, None, None)
 
 
-async def test_a_site_that_cannot_be_saved_is_said_at_the_top(tmp_path: Path) -> None:
+async def test_a_site_that_cannot_be_saved_is_said_at_the_top(shared: Opened, site: Path) -> None:
     async def answer_full(route: Route) -> None:
         answer = await route.fetch()
         full = {"saved": False, "save_error": "site.toml: No space left on device"}
         await route.fulfill(response=answer, json=await answer.json() | full)
 
-    async with planning(tmp_path, make_demo_site(tmp_path)) as (page, _):
+    async with planning(shared, site) as page:
         await page.route(re.compile("/api/(edits|workspace)$"), answer_full)
         await Hand(page).open("inspection")
         await Hand(page).type('[data-path="inspection.height_m"] input', "19")
@@ -232,7 +227,7 @@ async def test_a_plan_that_is_still_being_read_is_shown_once_it_was(tmp_path: Pa
         await route.fulfill(response=response, json={**said, "plans": []})
 
     with opened(tmp_path, site) as server:
-        async with browsing("about:blank", patience_ms=PATIENCE_MS) as page:
+        async with browsing("about:blank") as page:
             await page.route(re.compile("/api/workspace$"), answer_too_early)
             await page.goto(server.server.address)
             await ready(page)
@@ -244,7 +239,7 @@ async def test_a_plan_that_is_still_being_read_is_shown_once_it_was(tmp_path: Pa
 async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:
     name = SCRIPT.replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
     kml = write_kml(tmp_path / "line.kml", name)
-    async with planning(tmp_path) as (page, _):
+    async with planning_alone(tmp_path) as (page, _):
         await page.evaluate(DROP, [kml.name, kml.read_text(encoding="utf-8")])
         hand = Hand(page)
         await expect(page.locator("#step-network .status")).to_contain_text("segment")
@@ -259,7 +254,7 @@ async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:
 
 async def test_another_network_is_seen_at_once_and_nothing_of_the_one_before_stays_chosen(tmp_path: Path) -> None:
     first = write_kml(tmp_path / "first.kml").read_text(encoding="utf-8")
-    async with planning(tmp_path) as (page, server):
+    async with planning_alone(tmp_path) as (page, server):
         hand = Hand(page)
         await page.evaluate(DROP, ["line.kml", first])
         await expect(page.locator("#step-network .status")).to_have_text("12 segments")
@@ -277,9 +272,10 @@ async def test_another_network_is_seen_at_once_and_nothing_of_the_one_before_sta
 
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-async def test_every_step_is_legible_and_whole_at_every_width(tmp_path: Path, scheme: str, language: str) -> None:
-    site = make_demo_site(tmp_path)
-    async with planning(tmp_path, site, query=f"?lang={language}") as (page, _):
+async def test_every_step_is_legible_and_whole_at_every_width(
+    shared: Opened, site: Path, scheme: str, language: str
+) -> None:
+    async with planning(shared, site, query=f"?lang={language}") as page:
         await page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
         for box in await page.locator(".step > summary").all():
             if await box.locator("xpath=..").get_attribute("open") is None:

@@ -13,8 +13,8 @@ import pytest
 from playwright.async_api import Page, expect
 
 from executor.plan_page.plan_work import PlanSettings, make_plans
-from tests.e2e.gallery import browsing
-from tests.e2e.plan_pages import DEPOT_DEG, KML, MARK, PATIENCE_MS, planning, ready
+from tests.e2e.browser import browsing
+from tests.e2e.plan_pages import DEPOT_DEG, KML, MARK, planning_alone, ready
 from tests.e2e.test_map_pace import TIMED
 from tests.executor.plan_page.opened import DEMO_RADIUS, make_demo_site
 
@@ -41,7 +41,7 @@ async def test_a_loss_of_eighty_segments_is_drawn_within_the_frames_of_half_a_se
     site.write_text(text, encoding="utf-8")
     [made] = make_plans(text, tmp_path, PlanSettings(seconds=60.0, iterations=2000, cost="minmax"), tmp_path, 1)
     (tmp_path / f"{made.id}.json").rename(tmp_path / "plan.json")
-    async with planning(tmp_path, site) as (page, server):
+    async with planning_alone(tmp_path, site) as (page, server):
         await asyncio.to_thread(server.follow_until, lambda news: news["warm"])
         await expect(page.locator("#times")).to_be_visible()
         asked: list[str] = []
@@ -86,7 +86,7 @@ async def time_first_picture_s(folder: Path, lines: int, spans: int) -> tuple[fl
         while not (said := (await process.stdout.readline()).decode()).startswith("page: "):
             assert said
         started_s = time.monotonic() - began_s
-        async with browsing("about:blank", patience_ms=PATIENCE_MS) as page:
+        async with browsing("about:blank") as page:
             began_s = time.monotonic()
             await page.goto(said.split()[1])
             await ready(page)

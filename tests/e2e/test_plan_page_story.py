@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
@@ -15,14 +15,14 @@ import pytest
 from playwright.async_api import Page, Route, expect
 
 from missions import PlanFile, check_plan, read_any_plan
+from tests.e2e.browser import IN_CHROMIUM, browsing
 from tests.e2e.flights import called, said_in
-from tests.e2e.gallery import browsing
-from tests.e2e.plan_pages import PATIENCE_MS, Hand, planning, write_kml
+from tests.e2e.plan_pages import Hand, planning, planning_alone, write_kml
 from tests.executor.flights import write_run
 from tests.executor.plan_page.opened import Opened, make_demo_site
-from tests.ports import free_port, free_ports
+from tests.ports import free_ports
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 
 UNKNOWN = Path(__file__).parents[3] / "shared" / "data" / "kml" / "pylons.kml"
 MOST_CLICKS = 40
@@ -30,26 +30,26 @@ HOUR = "08:00"
 
 
 @asynccontextmanager
-async def planned(root: Path, ports: Sequence[int] = ()) -> AsyncIterator[tuple[Page, Hand, Opened]]:
-    """Open the page over a part of the network that comes with faultline, and plan it."""
-    async with planning(root, make_site_with_ports(root, ports)) as (page, server):
+async def planned(server: Opened, site: Path) -> AsyncIterator[tuple[Page, Hand]]:
+    """Open the page over a site, and plan it."""
+    async with planning(server, site) as page:
         hand = Hand(page)
         await plan(page, hand)
-        yield page, hand, server
+        yield page, hand
 
 
-def make_site_with_ports(root: Path, ports: Sequence[int]) -> Path:
-    """Write a site whose vehicles are heard on ports that nobody else uses."""
-    site = make_demo_site(root)
+def use_free_ports(site: Path) -> int:
+    """Have the vehicles of a site heard on ports that nobody else uses; returns one more."""
+    *ports, one_more = free_ports(4)
     text = site.read_text(encoding="utf-8")
     for number, port in enumerate(ports, 1):
         text = text.replace(f":{14550 + number}", f":{port}")
     site.write_text(text, encoding="utf-8")
-    return site
+    return one_more
 
 
 async def plan(page: Page, hand: Hand) -> None:
-    """Search for a plan for two seconds."""
+    """Search for a plan, the shortest that the menu offers."""
     await page.locator(".menu select").first.select_option("2")
     await hand.click("#start")
     await expect(page.locator("#times")).to_be_visible()
@@ -74,7 +74,7 @@ async def test_a_crew_comes_from_a_file_to_a_plan_in_few_clicks(tmp_path: Path, 
         pytest.skip(f"{UNKNOWN} is not there")
     root = tmp_path / "site"
     root.mkdir()
-    async with planning(root) as (page, server):
+    async with planning_alone(root) as (page, server):
         hand = Hand(page, 1)
         await page.set_input_files("#drop input[type=file]", str(kml))
         places = page.locator("#step-places")
@@ -117,8 +117,8 @@ async def test_a_crew_comes_from_a_file_to_a_plan_in_few_clicks(tmp_path: Path, 
     assert (len(made.names), flown[name]) == (3, "uav2")
 
 
-async def test_a_loss_is_answered_where_the_slider_stands(tmp_path: Path) -> None:
-    async with planned(tmp_path) as (page, hand, _):
+async def test_a_loss_is_answered_where_the_slider_stands(shared: Opened, site: Path) -> None:
+    async with planned(shared, site) as (page, hand):
         await expect(page.locator("#lose")).to_be_disabled()
         await page.locator("#plan-map").click(position={"x": 12, "y": 12})
         await page.keyboard.press("2")
@@ -130,15 +130,15 @@ async def test_a_loss_is_answered_where_the_slider_stands(tmp_path: Path) -> Non
         await expect(notice).to_contain_text(re.compile(r"The others inspect|left over"))
         await expect(page.locator("#times .row").nth(1).locator(".lost")).to_be_visible()
         await expect(page.locator("#times .row").nth(1).locator(".where")).to_contain_text("lost at T+")
-        assert await page.locator("#times .visit.again").count() > 0
+        await expect(page.locator("#times .visit.again")).not_to_have_count(0)
         await hand.click(notice.get_by_role("button", name="Back to the plan"))
         await expect(notice).to_be_hidden()
-        assert await page.locator("#times .visit.again").count() == 0
+        await expect(page.locator("#times .visit.again")).to_have_count(0)
 
 
-async def test_a_change_by_hand_is_checked_and_priced_before_it_is_kept(tmp_path: Path) -> None:
-    async with planned(tmp_path) as (page, hand, server):
-        before = server.get("/api/workspace")["chosen"]
+async def test_a_change_by_hand_is_checked_and_priced_before_it_is_kept(shared: Opened, site: Path) -> None:
+    async with planned(shared, site) as (page, hand):
+        before = shared.get("/api/workspace")["chosen"]
         await hand.click(".routes .who >> nth=0")
         first = page.locator(".visits li .pick").first
         name = (await first.inner_text()).split(" ", 1)[1]
@@ -152,20 +152,20 @@ async def test_a_change_by_hand_is_checked_and_priced_before_it_is_kept(tmp_path
         await expect(page.locator(".visits")).to_contain_text(name)
         await page.keyboard.press("Escape")
         await expect(notice).to_be_hidden()
-        assert server.get("/api/workspace")["chosen"] == before
+        assert shared.get("/api/workspace")["chosen"] == before
         await hand.give("span.give", "uav3")
         await hand.click(notice.get_by_role("button", name="Keep"))
         await expect(notice).to_be_hidden()
         await expect(page.locator(".visits")).to_contain_text(name)
-        chosen = server.get("/api/workspace")["chosen"]
+        chosen = shared.get("/api/workspace")["chosen"]
         assert chosen != before
-        shown = server.get(f"/api/plans/{chosen}")["vehicles"]
-        segments = {one["id"]: one["name"] for one in server.get("/api/network")["segments"]}
+        shown = shared.get(f"/api/plans/{chosen}")["vehicles"]
+        segments = {one["id"]: one["name"] for one in shared.get("/api/network")["segments"]}
         assert name in [segments[visit["segment"]] for visit in shown[2]["routes"][0]["visits"]]
 
 
-async def test_several_plans_are_shown_side_by_side_and_chosen_by_click(tmp_path: Path) -> None:
-    async with planning(tmp_path, make_demo_site(tmp_path)) as (page, server):
+async def test_several_plans_are_shown_side_by_side_and_chosen_by_click(shared: Opened, site: Path) -> None:
+    async with planning(shared, site) as page:
         hand = Hand(page)
         await page.locator(".tick", has_text="several to choose").click()
         await hand.click("#start")
@@ -175,20 +175,20 @@ async def test_several_plans_are_shown_side_by_side_and_chosen_by_click(tmp_path
         await hand.click(cards.last)
         await expect(cards.last).to_have_attribute("aria-checked", "true")
         await expect(page.locator("#times")).to_be_visible()
-        workspace = server.get("/api/workspace")
+        workspace = shared.get("/api/workspace")
         assert workspace["chosen"] == workspace["plans"][-1]["id"]
         await expect(page.locator("svg.front circle")).to_have_count(len(workspace["plans"]))
 
 
-async def test_a_search_is_cancelled_and_the_plan_before_is_kept(tmp_path: Path) -> None:
-    async with planned(tmp_path) as (page, hand, server):
-        before = server.get("/api/workspace")["chosen"]
+async def test_a_search_is_cancelled_and_the_plan_before_is_kept(shared: Opened, site: Path) -> None:
+    async with planned(shared, site) as (page, hand):
+        before = shared.get("/api/workspace")["chosen"]
         await page.locator(".menu select").first.select_option("300")
         await hand.click("#start")
         await expect(page.locator(".busy progress")).to_be_visible()
         await hand.click(".busy .cancel")
         await expect(page.locator(".busy")).to_be_hidden()
-        assert server.get("/api/workspace")["chosen"] == before
+        assert shared.get("/api/workspace")["chosen"] == before
         await hand.open("inspection")
         await hand.type('[data-path="inspection.height_m"] input', "17")
         await expect(page.locator("#plans .notice", has_text="The site has changed since this plan")).to_be_visible()
@@ -200,7 +200,8 @@ async def test_why_what_is_left_cannot_be_planned_stays_in_sight(tmp_path: Path)
     run.mkdir(parents=True)
     report = write_run(run, finished=False)
     report.model_copy(update={"uncovered_names": ("P1-P2",)}).write(run / "report.json")
-    async with planning(tmp_path, make_demo_site(tmp_path), size=(1024, 500)) as (page, _):
+    async with planning_alone(tmp_path, make_demo_site(tmp_path)) as (page, _):
+        await page.set_viewport_size({"width": 1024, "height": 500})
         hand = Hand(page)
         failed = page.locator("#plans .failed")
         await expect(failed).to_be_hidden()
@@ -212,8 +213,10 @@ async def test_why_what_is_left_cannot_be_planned_stays_in_sight(tmp_path: Path)
         await expect(failed).to_be_hidden()
 
 
-async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_slider(tmp_path: Path) -> None:
-    async with planning(tmp_path, make_demo_site(tmp_path)) as (page, server):
+async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_slider(
+    shared: Opened, site: Path
+) -> None:
+    async with planning(shared, site) as page:
         hand = Hand(page)
         await hand.open("day")
         await hand.click(page.locator("#step-day").get_by_role("button", name="Plan days"))
@@ -225,7 +228,7 @@ async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_
         await expect(page.locator("#times .clock")).to_have_text(re.compile(r"0[89]:\d\d"))
         await go_to(page, 0.6)
         await expect(page.locator("#times .row .where").first).to_contain_text(re.compile("%|landed|pad|ground"))
-        assert server.get("/api/workspace")["plans"][-1]["kind"] == "day"
+        assert shared.get("/api/workspace")["plans"][-1]["kind"] == "day"
         await expect(page.locator(".card")).to_contain_text(re.compile(r"Last landing\s*0[89]:\d\d"))
         await hand.click("#times .row .who >> nth=0")
         await expect(page.locator("#times .safe-from")).to_have_text(
@@ -239,10 +242,11 @@ async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_
 
 
 async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(tmp_path: Path) -> None:
-    site, port = make_site_with_ports(tmp_path, free_ports(3)), free_port()
+    site = make_demo_site(tmp_path)
+    port = use_free_ports(site)
     async with called("open", str(site), "--no-browser", "--port", str(port)) as server:
         await said_in(server.stdout, "page: http")
-        async with browsing(f"http://127.0.0.1:{port}/", patience_ms=PATIENCE_MS) as page:
+        async with browsing(f"http://127.0.0.1:{port}/") as page:
             hand = Hand(page)
             await plan(page, hand)
             await hand.click("#fly")
@@ -257,7 +261,7 @@ async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(
                         os.kill(flight, signal.SIGINT)
 
 
-async def test_a_flight_that_is_being_started_is_seen_to_be_and_is_not_started_twice(tmp_path: Path) -> None:
+async def test_a_flight_that_is_starting_is_shown_and_not_started_twice(shared: Opened, site: Path) -> None:
     refused, asked = asyncio.Event(), list[str]()
 
     async def refuse(route: Route) -> None:
@@ -267,7 +271,7 @@ async def test_a_flight_that_is_being_started_is_seen_to_be_and_is_not_started_t
             status=422, json={"error": "the flight has not begun: udp port 14551 is taken", "path": None}
         )
 
-    async with planned(tmp_path) as (page, hand, _):
+    async with planned(shared, site) as (page, hand):
         await expect(page.locator("#plans")).to_contain_text("faultline simulate site.toml")
         await page.route("**/api/fly", refuse)
         await hand.click("#fly")
@@ -283,8 +287,11 @@ async def test_a_flight_that_is_being_started_is_seen_to_be_and_is_not_started_t
         assert len(asked) == 1
 
 
-async def test_a_flight_that_does_not_begin_says_why(tmp_path: Path) -> None:
-    async with planned(tmp_path, ports=free_ports(3)) as (page, hand, _):
+async def test_a_flight_that_does_not_begin_says_why(shared: Opened, site: Path) -> None:
+    use_free_ports(site)
+    with site.open("a", encoding="utf-8") as file:
+        file.write("[flight]\nconnect_timeout_s = 1.0\n")
+    async with planned(shared, site) as (page, hand):
         await hand.click("#checklist")
         await expect(page.locator(".flying .notice")).to_contain_text("no heartbeat of system 1")
 

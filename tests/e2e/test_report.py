@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.async_api import Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
 from executor.analysis.documents import FlightReport
 from executor.analysis.flight_record import FlightRecord, read_run
@@ -19,17 +19,15 @@ from executor.analysis.report_page import render_report_page
 from executor.site import site_model
 from executor.site.ground_view import encode_ground
 from missions import Network
-from tests.e2e.gallery import QUIET, browsing
+from tests.e2e.browser import IN_CHROMIUM, browsing, looking
 from tests.e2e.plan_pages import SIZES, look_at
 from tests.executor.builders import ground_for, site_of
 from tests.executor.flights import NAMES, NETWORK, write_run
 from tests.executor.grounds import Hills, ground_about
 from tests.executor.plan_page.opened import opened
 from tests.missions.builders import FRAME, line_east
-from tests.patience import PATIENCE_S
-from tests.programs import find_program
 
-pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+pytestmark = IN_CHROMIUM
 
 EVIL = "</script><script>document.title = 'run'</script><img src=x onerror=\"document.title = 'run'\">"
 
@@ -58,25 +56,13 @@ async def _showing(
     """Open the report of a flight from a file; whatever it complains of fails the test."""
     text = render_report_page(record, FlightReport.read(folder / "report.json"), {}, ground, below or {})
     (folder / "report.html").write_text(text, encoding="utf-8")
-    complaints = list[str]()
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=find_program("chromium"), args=list(QUIET))
-        page = await browser.new_page(
-            viewport={"width": 1024, "height": 768},
-            color_scheme="dark" if dark else "light",
-            java_script_enabled=javascript,
-        )
-        page.set_default_timeout(1000.0 * PATIENCE_S)
-        expect.set_options(timeout=1000.0 * PATIENCE_S)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("console", lambda line: complaints.append(line.text))
-        page.on(
-            "request", lambda one: complaints.append(one.url) if not one.url.startswith(("file:", "data:")) else None
-        )
+    fetched = list[str]()
+    scheme = "dark" if dark else "light"
+    async with looking(bool, (1024, 768), color_scheme=scheme, java_script_enabled=javascript) as page:
+        page.on("request", lambda one: fetched.append(one.url) if not one.url.startswith(("file:", "data:")) else None)
         await page.goto((folder / "report.html").as_uri())
         yield page
-        await browser.close()
-    assert complaints == []
+    assert fetched == []
 
 
 async def _middle(page: Page, east: float, north: float) -> tuple[float, float]:
@@ -113,6 +99,12 @@ async def _until(page: Page, met: str) -> None:
     await page.evaluate(f"async () => {{ while (!({met})) await {frame}; }}")
 
 
+async def _picture(page: Page) -> bytes:
+    """Return what the map shows, once it is drawn."""
+    await page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
+    return await page.locator("#map canvas").screenshot()
+
+
 async def _find(page: Page, words: str) -> tuple[float, float]:
     """Point at the place of which the map says something; returns where."""
     found = await page.evaluate(SEARCH, words)
@@ -139,17 +131,16 @@ async def test_the_map_says_what_became_of_what_is_pointed_at(tmp_path: Path, re
 
 async def test_plans_and_vehicles_are_chosen(tmp_path: Path, record: FlightRecord) -> None:
     async with _showing(tmp_path, record, _site()) as page:
-        canvas = page.locator("#map canvas")
         plans = await page.locator("#planned option").all_inner_texts()
         assert plans[:2] == ["not shown", "first plan"]
         assert plans[2].startswith("re-plan 1, T+")
-        seen = {await canvas.screenshot()}
+        seen = {await _picture(page)}
         for number in (1, 2):
             await page.select_option("#planned", index=number)
-            seen.add(await canvas.screenshot())
+            seen.add(await _picture(page))
         await page.locator("#fleet button", has_text="uav1").click()
         await expect(page.locator('#fleet [aria-pressed="true"]')).to_have_text("uav1")
-        seen.add(await canvas.screenshot())
+        seen.add(await _picture(page))
         assert len(seen) == 4
         await page.locator("#fleet button", has_text="uav1").click()
         await expect(page.locator('#fleet [aria-pressed="true"]')).to_have_count(0)

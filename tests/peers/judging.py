@@ -168,16 +168,19 @@ class Suite(Generic[T]):
         """Of the client; empty where it is not installed."""
         return self.find_version(self.client)
 
-    async def find_fault(self, subject: Subject, name: str, patience_s: float = PATIENCE_S) -> str:
-        """Return why a case fails; nothing where it passes."""
-        case = self.cases[name]
+    async def find_fault(self, subject: Subject, *names: str, patience_s: float = PATIENCE_S) -> str:
+        """Return why a case fails, or which of several with one client fails first; nothing where they pass."""
+        name = names[0]
         try:
-            async with asyncio.timeout(patience_s + READY_S), self.open(subject) as at:
-                async with asyncio.timeout(patience_s):
-                    if inspect.iscoroutinefunction(case):
-                        await case(at)
-                    else:
-                        await asyncio.to_thread(case, at)
+            async with asyncio.timeout(patience_s * len(names) + READY_S), self.open(subject) as at:
+                for name in names:
+                    case = self.cases[name]
+                    async with asyncio.timeout(patience_s):
+                        if inspect.iscoroutinefunction(case):
+                            await case(at)
+                        else:
+                            await asyncio.to_thread(case, at)
         except Exception as fault:  # noqa: BLE001 - whatever a client raises, the case has failed
-            return f"{type(fault).__name__}: {fault}".splitlines()[0]
+            said = f"{type(fault).__name__}: {fault}".splitlines()[0]
+            return said if len(names) == 1 else f"{name}: {said}"
         return ""

@@ -29,7 +29,7 @@ from tests.peers import (
     node_cases,
     pymavlink_cases,
 )
-from tests.peers.judging import READY_S, Subject, Suite, find_real, real_one, simulated, wait
+from tests.peers.judging import PATIENCE_S, READY_S, Suite, find_real, real_one, simulated, wait
 
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "peers.md"
 HEAD = (
@@ -101,22 +101,17 @@ def list_rows(only: Sequence[str] = ("",)) -> Iterator[tuple[str, str]]:
             yield from ((name, autopilot) for autopilot in suite.autopilots)
 
 
-async def find_fault(suite: str, autopilot: str, case: str, patience_s: float | None = None) -> str:
-    """Return why a case fails with a simulated vehicle of its own; nothing where it passes."""
+async def find_fault(suite: str, autopilot: str, *cases: str, patience_s: float = PATIENCE_S) -> str:
+    """Return why a case fails with a simulated vehicle, or the first of several with one; nothing where they pass."""
     with simulated(autopilot) as subject:
-        return await _judge(subject, suite, case, patience_s)
+        return await SUITES[suite].find_fault(subject, *cases, patience_s=patience_s)
 
 
 async def find_real_fault(suite: str, autopilot: str, case: str) -> str:
     """Return why a case fails with a real autopilot of its own; nothing where it passes."""
     with real_one(autopilot) as subject:
         await asyncio.to_thread(wait, subject.is_ready, READY_S)
-        return await _judge(subject, suite, case, None)
-
-
-async def _judge(subject: Subject, suite: str, case: str, patience_s: float | None) -> str:
-    options = {} if patience_s is None else {"patience_s": patience_s}
-    return await SUITES[suite].find_fault(subject, case, **options)
+        return await SUITES[suite].find_fault(subject, case)
 
 
 async def try_simulated(row: Row, cases: Sequence[str]) -> None:

@@ -8,15 +8,18 @@ import pytest
 
 from tests.patience import PATIENCE_S
 from tests.peers import judging, node_cases, suites
-from tests.peers.judging import READY_S, Subject, Suite
+from tests.peers.judging import AUTOPILOTS, READY_S, Subject, Suite
 from tests.peers.suites import HEAD, SUITES, Row
 from tests.programs import leave_out
 
-QUICK = {f"MAVSDK {plugin}" for plugin in ("action", "param", "geofence", "telemetry")}
+QUICK = {f"MAVSDK {plugin}" for plugin in ("action", "param", "geofence")}
 """What ./scripts/test holds; ./scripts/campaign holds all of them."""
+HEARD = "MAVSDK telemetry"
+"""Its cases only listen: they share a vehicle and a client."""
 PASSED = [
     pytest.param(row.suite, row.autopilot, case, marks=() if row.suite in QUICK else pytest.mark.campaign)
     for row in suites.read_rows().values()
+    if row.suite != HEARD
     for case in row.passed
 ]
 
@@ -32,7 +35,14 @@ def test_the_table_has_something_of_every_client_that_was_tried() -> None:
 async def test_a_case_of_the_table_passes(suite: str, autopilot: str, case: str) -> None:
     if not SUITES[suite].version:
         leave_out(f"{SUITES[suite].client} is not installed: {SUITES[suite].install}")
-    assert await suites.find_fault(suite, autopilot, case, PATIENCE_S - READY_S) == ""
+    assert await suites.find_fault(suite, autopilot, case, patience_s=PATIENCE_S - READY_S) == ""
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+async def test_all_that_is_only_heard_is_heard(autopilot: str) -> None:
+    heard = suites.read_rows()[HEARD, autopilot].passed
+    assert await suites.find_fault(HEARD, autopilot, *heard, patience_s=PATIENCE_S - READY_S) == ""
 
 
 def test_a_row_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

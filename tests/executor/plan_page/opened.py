@@ -83,6 +83,13 @@ class Opened:
     def follow_job(self, job: str) -> Any:
         return self.follow_until(lambda news: news["job"]["id"] == job and news["job"]["state"] != "running")
 
+    def end_job(self) -> None:
+        """Cancel what is still planned, and look whether everything went well so far."""
+        job = self.get("/api/workspace")["job"]
+        if job is not None and job["state"] == "running":
+            self.post("/api/cancel", job=job["id"])
+        assert self.mistakes == []
+
     def checked(self) -> Any:
         """Return the workspace once its site is understood."""
         return self.follow_until(lambda news: news["checked"] == news["revision"])

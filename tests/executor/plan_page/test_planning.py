@@ -19,7 +19,7 @@ from executor.plan_page.site_view import read_site_model
 from tests.executor.plan_page.opened import DEMO_RADIUS, Opened, make_demo_site, opened
 from tests.patience import PATIENCE_S
 
-MOST_S = 60.0
+MOST_S = PATIENCE_S
 """Of searches that end once they are settled."""
 
 
@@ -242,15 +242,15 @@ def test_a_plan_of_another_site_is_stale_and_one_of_other_connections_is_not(pla
 
 def test_a_front_is_several_plans_and_chooses_none(planned: Opened) -> None:
     chosen = planned.get("/api/workspace")["chosen"]
-    workspace = plan(planned, front=True, seconds=1.0)
+    workspace = plan(planned, front=True, iterations=200_000)
     assert workspace["chosen"] == chosen
-    assert 1 <= len(workspace["job"]["plans"]) <= 12
+    assert 2 <= len(workspace["job"]["plans"]) <= 12
     assert set(workspace["job"]["plans"]) <= {one["id"] for one in workspace["plans"]}
 
 
 def test_days_are_planned(planned: Opened) -> None:
     chosen = planned.get("/api/workspace")["chosen"]
-    workspace = plan(planned, day=True, seconds=1.0)
+    workspace = plan(planned, day=True, iterations=300)
     [summary] = [one for one in workspace["plans"] if one["id"] == workspace["chosen"]]
     assert (summary["kind"], summary["window_pct"]) == ("day", None)
     shown = planned.get(f"/api/plans/{workspace['chosen']}")
