@@ -563,7 +563,7 @@ export interface ReportSegment {
   by: string | null;
   /** Time of the inspection; empty if unknown. */
   at: string;
-  /** Vehicle that had it in the first plan. */
+  /** Vehicle that it was planned for when the flight began. */
   planned: string | null;
   /** Whether it was taken over from a lost vehicle. */
   taken_over: boolean;
@@ -587,7 +587,7 @@ export interface ReportVehicle {
   end: ReportEnd | null;
 }
 
-/** The first plan, or a re-plan. */
+/** The first plan, that of a day with all its sorties, or a re-plan. */
 export interface ReportPlan {
   name: string;
   routes: ReportRoute[];
