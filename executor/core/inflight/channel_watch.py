@@ -65,7 +65,7 @@ def watch_channels(context: Context, state: FleetState, now_s: float) -> Stepped
         missions_s = now_s if busy else max(known.missions_s, state.progress.launched_s)
         known, lines = _evaluate_measurement(replace(known, missions_s=missions_s), found, now_s)
         dialect = context.vehicles[share.names[0]].dialect
-        if any(_needs_other_streams(vehicle, known.step) for vehicle in vehicles):
+        if any(_must_change_streams(vehicle, known.step) for vehicle in vehicles):
             after = known  # the effect is not known yet
         else:
             after = _follow_channel(share, dialect, known, found, busy=busy, now_s=now_s)
@@ -172,7 +172,7 @@ def _follow_channel(
     return replace(known, step=lower, stepped_s=now_s, raised_s=now_s, room_since_s=None)
 
 
-def _needs_other_streams(vehicle: VehicleState, step: int) -> bool:
+def _must_change_streams(vehicle: VehicleState, step: int) -> bool:
     """Return whether a vehicle's streams differ from those decided, and may be requested now."""
     ours = vehicle.stage is not Stage.PILOT and not mode_causes.is_under_foreign_control(vehicle)
     return vehicle.orders.stream_step != step and ours and not vehicle.link.stale and vehicle.orders.errand is None
@@ -180,7 +180,7 @@ def _needs_other_streams(vehicle: VehicleState, step: int) -> bool:
 
 def _request_streams(context: Context, state: FleetState, vehicle: VehicleState, step: int, now_s: float) -> Stepped:
     """Request a vehicle's streams where the rates requested before differ from those decided."""
-    if not _needs_other_streams(vehicle, step):
+    if not _must_change_streams(vehicle, step):
         return state, ()
     setup = context.vehicles[vehicle.name]
     before = choose_streams_hz(setup, vehicle)

@@ -8,7 +8,7 @@ vehicle inspects from its layer.
 A segment inspected from the layer counts. When the others have left, a vehicle that has done its part and is about to
 return with enough battery inspects it again, lower. That is no re-plan: nothing is open, and any segment that becomes
 open comes first. When all vehicles are down, one with enough battery may take off for it as for any other segment: on
-the crew's include, or without asking where the site allows that.
+the crew's include, or automatically where the site allows that.
 """
 
 from __future__ import annotations

@@ -403,9 +403,9 @@ class YieldState:
 FOLLOWED_LATE_S = 120.0
 """Longest delay until a command takes effect or is answered: a radio queues it, or only the answers were lost."""
 CLEARED_S = 120.0
-"""Age at which the crew's clearance of a pad is too old for a take-off."""
+"""Longest age of the crew's clearance of a pad at the take-off."""
 PLANNED_WITHIN_S = 60.0
-"""Age at which a clearance is too old to plan with: a mission has to be built and uploaded while it is valid."""
+"""Longest age of a clearance to plan with: a mission has to be built and uploaded while it is valid."""
 
 
 @dataclass(frozen=True, slots=True)
