@@ -119,8 +119,8 @@ STREAMS = ("HEARTBEAT", "GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT", 
            "ATTITUDE", "GPS_RAW_INT", "RC_CHANNELS")  # fmt: skip
 
 
-DIALOGUE = {"PERIOD_S", "TRIES", "IN_PROGRESS_S", "RESULT_NAMES", "_CODES"}
-"""Beside them: how a command is repeated, and what its results are called."""
+DIALOGUE = {"NEVER_US", "UNASKED_US", "PERIOD_S", "TRIES", "IN_PROGRESS_S", "RESULT_NAMES", "_CODES"}
+"""Beside them: how often a message comes, how a command is repeated, and what its results are called."""
 
 
 def test_the_numbers_of_orders_are_mavlinks() -> None:

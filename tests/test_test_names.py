@@ -125,6 +125,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/logs/ulog.py",
     ),
     "tests/executor/adapters/logs/test_odd_dataflash.py": ("executor/adapters/logs/ardupilot_boot.py",),
+    "tests/executor/adapters/mavlink/test_endpoints_link.py": ("executor/adapters/listeners.py",),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": ("executor/adapters/chunks.py",),
     "tests/executor/adapters/mqtt/test_publisher.py": ("executor/adapters/mqtt/topics.py",),
     "tests/executor/adapters/web/test_server.py": (

@@ -95,7 +95,7 @@ class SigningTable(SiteTable):
     key_env: str | None = None
     """Environment variable with the same content. Exactly one of `key_file` and `key_env` is required."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if (self.key_file is None) is (self.key_env is None):
             yield "key_file: expected either key_file or key_env"
 
@@ -126,7 +126,7 @@ class LinkTable(SiteTable):
     """Whether all vehicles share one radio although their connections differ, as behind a router: transfers take turns,
     and the heartbeat is sent once. For vehicles with several links it is the first link."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         for index, radio in enumerate(self.radios or ()):
             if radio in (self.radios or ())[:index]:
                 yield (
@@ -159,7 +159,7 @@ class ForwardTable(SiteTable):
     """Bytes a second that stations may send over each telemetry radio, RTCM corrections and Remote ID included; the
     vehicles' streams are reduced by it. Default: a tenth of the radio's capacity."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if self.allow_orders and not self.to:
             yield "to: expected at least one connection beside allow_orders, got none"
         taken = set[str]()
@@ -235,7 +235,7 @@ class QuietTable(SiteTable):
     vehicles: tuple[str, ...] = ()
     """Vehicles that it applies to; default: all."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if parse_clock_s(self.begin) >= parse_clock_s(self.end):
             yield f"end: expected a time after begin, {self.begin}, got '{self.end}'"
 
@@ -278,7 +278,7 @@ class DayTable(SiteTable):
     vehicle: tuple[OtherTable, ...] = ()
     """Vehicles that differ from the others."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if parse_clock_s(self.begin) >= parse_clock_s(self.end):
             yield f"end: expected a time after begin, {self.begin}, got '{self.end}'"
         if self.lands == "own" and (self.road_m_s is not None or self.road):

@@ -47,7 +47,7 @@ class MqttTable(SiteTable):
     clear_retained: bool = False
     """Whether to clear all retained messages but `fleet/connection` at the end of the flight."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         for key in ("ca_file", "cert_file"):
             if getattr(self, key) is not None and not self.tls:
                 yield f"{key}: expected none without tls = true"
@@ -89,7 +89,7 @@ class WebTable(SiteTable):
     """Address to print, where browsers reach the page under another one, such as `http://127.0.0.1:8080/` for a
     container's published port or a proxy."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         try:
             address = ipaddress.ip_address(self.host)
         except ValueError:

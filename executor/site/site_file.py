@@ -59,7 +59,7 @@ class Site(site_keys.SiteTable):
             raise ValueError("vehicle: expected at least one [[vehicle]] table")
         return content
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         for check in (
             self._check_terrain, self._check_vehicles, self._check_places, self._check_cameras, self._check_locks,
             self._check_bases, self._check_day, self._check_signing, self._check_radios, self._check_connections,

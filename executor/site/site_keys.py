@@ -42,11 +42,11 @@ class SiteTable(BaseModel):
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:
-        for text in self._find_mistakes():
+        for text in self._find_errors():
             raise ValueError(text)
         return self
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         """Yield what is wrong with what its keys say together."""
         yield from ()
 
@@ -118,7 +118,7 @@ class LockTable(SiteTable):
     begin: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(default=None, alias="from")
     """Pylon from which they are flown in sequence, such as `V101-03`; an end of one of them."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if self.vehicle is None and self.begin is None:
             yield "vehicle: expected one of vehicle and from, got neither"
 
@@ -229,7 +229,7 @@ class AreaTable(SiteTable):
     max_amsl_m: OverSea | None = None
     """The same above mean sea level; for an airspace that begins at 300 m, 300."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         given = [key for key in ("file", "polygon", "line") if getattr(self, key) is not None]
         if len(given) != 1:
             yield f"file: expected one of file, polygon and line, got {' and '.join(given) or 'none'}"
@@ -285,7 +285,7 @@ class EnergyTable(SiteTable):
     efficiency: Annotated[float, Field(ge=0.01, le=1)] | None = None
     """Combined efficiency of propeller and motor."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if self.drone not in PRESETS:
             yield f"drone: expected one of {', '.join(PRESETS)}, got '{self.drone}'"
 
@@ -337,7 +337,7 @@ class VehicleTable(SiteTable):
     pad: Annotated[str, Field(min_length=1, max_length=60)] | None = None
     """`[[place]]` where it takes off and lands; default: a pad chosen near its base or the depot."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if self.budget_pct + self.reserve_pct > 100:
             yield (
                 f"budget_pct: expected at most {100 - self.reserve_pct:g} beside a reserve_pct of "
@@ -441,7 +441,7 @@ class LookTable(SiteTable):
     hover_s: Annotated[float, Field(ge=0, le=60)] = 2.0
     """Hover time at a viewpoint before the picture."""
 
-    def _find_mistakes(self) -> Iterator[str]:
+    def _find_errors(self) -> Iterator[str]:
         if self.of == "pylons":
             if len(self.bearings_deg) * (1 + self.both_sides) < 2:
                 yield "bearings_deg: expected two viewpoints or more for a pylon"
