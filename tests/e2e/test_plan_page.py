@@ -152,6 +152,8 @@ async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(shared: Open
         await press("Escape")
         for key in ("k", "Tab", "Enter"):
             await press(key)
+        await expect(page.locator("#legend-locked")).not_to_have_attribute("hidden", "")
+        await press("Escape")
         await expect(page.locator("#legend-locked")).to_be_visible()
         values = shared.checked()["values"]
         assert values["lock"] == [{"segments": ["V102.1"], "vehicle": "uav2"}]
