@@ -266,7 +266,7 @@ def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip
     since_s = now_s - asked.at_s
     if asked.first_s is None:
         return trip.record_round_trip(since_s)
-    vain = trip.mean_s is not None and since_s < trip.mean_s / 2
+    vain = since_s < trip.shortest_s / 2
     return trip.record_round_trip(now_s - asked.first_s) if vain and not isinf(asked.first_s) else trip
 
 
