@@ -368,13 +368,14 @@ class DownloadDialogue(DialogueMachine):
         items, later = list(self.items), {one.seq: one for one in (*self.later, item)}
         while (seq := self.first + len(items)) in later:
             items.append(later.pop(seq))
-        left, room = tuple(one for one in self.under_way if one is not asked), min(self.room + 1, MOST_AHEAD)
-        return _go_on(
-            replace(
-                self, items=tuple(items), later=tuple(later.values()), round_trip=trip, under_way=left, room=room
-            ),
-            now_s,
+        # Answers come in the order of the questions: what was asked before this one got lost.
+        at = self.under_way.index(asked)
+        passed, left = (() if again else self.under_way[:at]), self.under_way[0 if again else at :]
+        state = replace(
+            self, items=tuple(items), later=tuple(later.values()), round_trip=trip,
+            under_way=tuple(one for one in left if one is not asked), room=min(self.room + 1, MOST_AHEAD),
         )  # fmt: skip
+        return _go_on(state, now_s, passed)
 
     def _expire(self, now_s: float) -> tuple[Self, Sent]:
         """Ask again, for the list where the vehicle has ended the transfer; or give up."""
@@ -394,8 +395,7 @@ class DownloadDialogue(DialogueMachine):
             return _ask_count(state, now_s)
         late = tuple(one for one in state.under_way if one.at_s <= now_s - waited_s + SAME_S) or state.under_way[:1]
         kept = tuple(one for one in state.under_way if one not in late)
-        again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in late)
-        return _ask_items(replace(state, under_way=(*kept, *again), room=max(1, state.room // 2)), now_s, again)
+        return _ask_items(replace(state, under_way=kept, room=max(1, state.room // 2)), now_s, late)
 
     def _build_farewell(self) -> Sent:
         return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
@@ -407,13 +407,13 @@ class DownloadDialogue(DialogueMachine):
         return f"item {self.first + len(self.items)} of {self.count}"
 
 
-def _go_on(state: D, now_s: float) -> tuple[D, Sent]:
+def _go_on(state: D, now_s: float, lost: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
     """Ask for what comes after an answer, or say that all has come."""
     state = replace(state, heard_s=now_s, tries=0, refusal=None, broke_off_at="")
     if state.proven or state.first + len(state.items) >= (state.count or 0):
         done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
         return done, (messages.MissionAck(0, state.kind),)
-    return _ask_items(state, now_s)
+    return _ask_items(state, now_s, lost)
 
 
 def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
@@ -422,8 +422,10 @@ def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
     return state, (messages.MissionRequestList(state.kind),)
 
 
-def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
-    """Ask again for what is late, and for as many more items as there is room for."""
+def _ask_items(state: D, now_s: float, lost: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
+    """Ask again for what got lost, and for as many more items as there is room for."""
+    again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in lost)
+    state = replace(state, under_way=(*state.under_way, *again))
     have = {one.seq for one in state.under_way} | {item.seq for item in state.later}
     fresh = (
         _UnderWay(seq, now_s) for seq in range(state.first + len(state.items), state.count or 0) if seq not in have
