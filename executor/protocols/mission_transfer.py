@@ -51,6 +51,11 @@ LAST_ITEM_PERIOD_S = 1.0
 MOST_AHEAD = 16
 """Items under way, or questions: half of what the buffer of a telemetry radio holds."""
 FIRST_AHEAD = 8
+LOSSY_AHEAD = 8
+"""Where a radio destroys frames: our heartbeats wait behind them."""
+AGAIN_AHEAD = 4
+"""From an item on that got lost so many go out: where one is lost others will be, and what is behind them has to be
+sent again."""
 AHEAD_TRIP_S = 0.03
 """A link that answers sooner needs none of that."""
 
@@ -242,7 +247,8 @@ def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     first = state.under_way[0] if state.under_way else None
     if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
         return _wait_for_answer(state, now_s), ()
-    return _send_items(replace(state, room=max(1, state.room // 2)), (), state.furthest, now_s, 1)
+    state = replace(state, room=min(state.room, AGAIN_AHEAD))
+    return _send_items(state, (), state.furthest, now_s, state.room)
 
 
 def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, most: int) -> tuple[U, Sent]:

@@ -18,7 +18,7 @@ from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import LOSSY_AHEAD, MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -301,7 +301,9 @@ async def upload_once(
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    return await dialogue.run_dialogue(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
+    ahead = LOSSY_AHEAD if channel_of(link).is_lossy else MOST_AHEAD
+    upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind, ahead=ahead)
+    return await dialogue.run_dialogue(upload, link, clock)
 
 
 async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:
