@@ -12,9 +12,12 @@ from enum import IntEnum
 
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import FULL_BUFFER_PCT
+from executor.protocols.machine import RoundTrip
 
 STALLED_S = 2.0
 """A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
+FAR_S = (0.5, 1.25)
+"""Round trips from which on there are two, and three."""
 REPORT_S = 2.5
 """A radio reports once a second; an older report says nothing."""
 HOLD_S = 0.25
@@ -43,7 +46,12 @@ class Turn:
     """In the order in which they came."""
 
 
-def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float) -> bool:
+def count_at_once(trip: RoundTrip) -> int:
+    """Return how many transfers go side by side: one that waits for a far answer leaves the channel idle."""
+    return 1 if trip.mean_s is None else 1 + sum(trip.mean_s >= far_s for far_s in FAR_S)
+
+
+def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float, at_once: int) -> bool:
     """Return whether a transfer may begin.
 
     Args:
@@ -51,8 +59,9 @@ def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float]
         waiting: All that wait, this one among them.
         progressed_s: When each that is under way came on last.
         now_s: The time.
+        at_once: How many may be under way.
     """
-    return turn == min(waiting) and all(now_s - at_s >= STALLED_S for at_s in progressed_s)
+    return turn == min(waiting) and sum(now_s - at_s < STALLED_S for at_s in progressed_s) < at_once
 
 
 def find_wait_s(progressed_s: Iterable[float], now_s: float) -> float:

@@ -301,7 +301,8 @@ async def upload_once(
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    ahead = LOSSY_AHEAD if channel_of(link).is_lossy else MOST_AHEAD
+    channel = channel_of(link)
+    ahead = LOSSY_AHEAD if channel.is_lossy else min(MOST_AHEAD, 24 // channel.at_once)
     upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind, ahead=ahead)
     return await dialogue.run_dialogue(upload, link, clock)
 
