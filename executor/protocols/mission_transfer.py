@@ -51,7 +51,7 @@ LAST_ITEM_PERIOD_S = 1.0
 MOST_AHEAD = 16
 """Items under way, or questions: half of what the buffer of a telemetry radio holds."""
 FIRST_AHEAD = 8
-LOSSY_AHEAD = 6
+BESIDE_AHEAD, LOSSY_AHEAD = 8, 6
 """Where a radio destroys frames: our heartbeats wait behind them."""
 AGAIN_AHEAD = 4
 """From an item on that got lost so many go out: where one is lost others will be, and what is behind them has to be

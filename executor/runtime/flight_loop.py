@@ -501,7 +501,7 @@ FILLER_S = 0.1
 """Interval of fillers of 26 bytes: 261 bytes pass in a second."""
 EMPTY_PCT = 90
 """Free share of our radio's buffer from which it has nothing else to send."""
-MANY_LOST, COUNTS = 0.04, 8
+MANY_LOST, COUNTS = 0.025, 16
 
 
 @dataclass(slots=True)
