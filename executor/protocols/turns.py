@@ -1,7 +1,7 @@
 """Whose transfer is next on a channel that several vehicles share: one at a time, who needs it first goes first.
 
-Side by side they would take the channel from each other, and all be late. One that does not come on keeps nobody
-waiting: its vehicle may be out of reach.
+Side by side they would take the channel from each other, and all be late; only where answers are far do two or three
+use what the others wait for. One that does not come on keeps nobody waiting: its vehicle may be out of reach.
 """
 
 from __future__ import annotations
@@ -64,9 +64,10 @@ def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float]
     return turn == min(waiting) and sum(now_s - at_s < STALLED_S for at_s in progressed_s) < at_once
 
 
-def find_wait_s(progressed_s: Iterable[float], now_s: float) -> float:
+def find_wait_s(progressed_s: Iterable[float], now_s: float, at_once: int) -> float:
     """Return after how long it is worth looking again, if none ends before."""
-    return max([0.0, *(at_s + STALLED_S - now_s for at_s in progressed_s)])
+    latest_s = sorted(progressed_s)[-at_once:]
+    return max(0.0, latest_s[0] + STALLED_S - now_s) if len(latest_s) == at_once else 0.0
 
 
 def is_buffer_full(radio: Radio | None, heard_s: float, now_s: float) -> bool:

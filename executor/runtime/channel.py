@@ -99,7 +99,7 @@ class Channel:
         try:
             while not is_next(turn, self.waiting, self.under_way.values(), now_s(), self.at_once):
                 waited = True
-                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s())))
+                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s(), self.at_once)))
         finally:
             self.waiting.discard(turn)
             self._tell()
