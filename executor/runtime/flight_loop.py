@@ -391,7 +391,7 @@ class Flight:
             1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, mission.items, strict=False))
         )
         need_s = replan_cycle.estimate_need_s(self.state, name)
-        need = UploadNeed(Rank.IN_FLIGHT, need_s, alike, on_board=len(before))
+        need = UploadNeed(Rank.IN_FLIGHT, need_s, alike, rest=before[len(mission.items) :])
         done = await procedures.upload_and_verify(
             link, self._clock, dialect, mission.items, wanted, lambda text: self._warn(f"{name}: {text}"), need=need
         )
