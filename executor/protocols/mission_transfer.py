@@ -51,8 +51,8 @@ LAST_ITEM_PERIOD_S = 1.0
 MOST_AHEAD = 16
 """Items under way, or questions: half of what the buffer of a telemetry radio holds."""
 FIRST_AHEAD = 8
-BESIDE_AHEAD, LOSSY_AHEAD = 8, 6
-"""Where a radio destroys frames: our heartbeats wait behind them."""
+AHEAD = {1: MOST_AHEAD, 2: 6, 3: 10}
+"""The same for each of so many transfers side by side: our heartbeats wait behind them all."""
 AGAIN_AHEAD = 4
 """From an item on that got lost so many go out: where one is lost others will be, and what is behind them has to be
 sent again."""

@@ -36,8 +36,6 @@ class Channel:
     """Transfers, and when each came on last by the loop's clock."""
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
-    is_lossy: bool = False
-    """Whether many frames get lost on a radio."""
     sent_s: float = float("-inf")
     """When a dialogue said something, by the loop's clock."""
     _numbers: count[int] = field(default_factory=count)

@@ -478,7 +478,6 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
                 _fill(once.values(), clock)
             else:
                 for name, link in once.values():
-                    channel_of(link).is_lossy = losses.are_many
                     for _ in range(1 + losses.are_many):
                         supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
                 after_s = HEARTBEAT_S

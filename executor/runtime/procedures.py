@@ -18,7 +18,7 @@ from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import BESIDE_AHEAD, LOSSY_AHEAD, MOST_AHEAD, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import AHEAD, MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -301,8 +301,7 @@ async def upload_once(
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    channel = channel_of(link)
-    ahead = LOSSY_AHEAD if channel.is_lossy else MOST_AHEAD if channel.at_once == 1 else BESIDE_AHEAD
+    ahead = AHEAD[channel_of(link).at_once]
     upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind, ahead=ahead)
     return await dialogue.run_dialogue(upload, link, clock)
 
