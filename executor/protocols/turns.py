@@ -16,8 +16,10 @@ from executor.protocols.machine import RoundTrip
 
 STALLED_S = 2.0
 """A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
-FAR_S = (0.5, 1.25)
+SLOW_S, FAR_S = 0.5, 1.25
 """Round trips from which on there are two, and three."""
+FREE_PCT = 70
+"""Of the buffer of our own radio: it holds no more than it sends in a round."""
 REPORT_S = 2.5
 """A radio reports once a second; an older report says nothing."""
 HOLD_S = 0.25
@@ -46,9 +48,15 @@ class Turn:
     """In the order in which they came."""
 
 
-def count_at_once(trip: RoundTrip) -> int:
-    """Return how many transfers go side by side: one that waits for a far answer leaves the channel idle."""
-    return 1 if trip.mean_s is None else 1 + sum(trip.mean_s >= far_s for far_s in FAR_S)
+def count_at_once(trip: RoundTrip, radio: Radio | None) -> int:
+    """Return how many transfers go side by side: one that waits for a far answer leaves the channel idle.
+
+    Answers that wait behind our own bytes are not far.
+    """
+    if trip.mean_s is None or trip.mean_s < SLOW_S:
+        return 1
+    free_pct = 100 if radio is None or radio.free_buffer_pct is None else radio.free_buffer_pct
+    return 3 if trip.mean_s >= FAR_S and free_pct >= FREE_PCT else 2
 
 
 def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float, at_once: int) -> bool:

@@ -58,7 +58,7 @@ class Channel:
     @property
     def at_once(self) -> int:
         """How many transfers may be under way side by side."""
-        return count_at_once(self.round_trip)
+        return count_at_once(self.round_trip, self.radio)
 
     def learn(self, round_trip: RoundTrip) -> None:
         """Take what a dialogue has measured, if it has."""

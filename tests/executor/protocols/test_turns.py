@@ -30,7 +30,8 @@ def test_one_transfer_at_a_time_unless_it_does_not_come_on() -> None:
 
 def test_where_answers_are_far_there_are_two_or_three() -> None:
     trips = (RoundTrip(), *(RoundTrip(mean_s=mean_s) for mean_s in (0.3, 0.7, 1.7)))
-    assert [count_at_once(trip) for trip in trips] == [1, 1, 2, 3]
+    assert [count_at_once(trip, None) for trip in trips] == [1, 1, 2, 3]
+    assert count_at_once(trips[-1], Radio(200, 200, 50, 50, 40)) == 2, "they wait behind our own bytes"
     assert is_next(SOON, [SOON, LATER], [100.0], 100.5, 2)
     assert not is_next(SOON, [SOON, LATER], [100.0, 100.2], 100.5, 2)
 
