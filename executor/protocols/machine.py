@@ -63,9 +63,7 @@ class RoundTrip:
             return self
         waits_s = known.mean_s + max(LEAST_VARIANCE_S, VARIANCES * known.varies_s)
         waits_s = min(max(waits_s, self.waits_s), self.most_s)
-        return replace(
-            self, waits_s=waits_s, mean_s=known.mean_s, varies_s=known.varies_s, shortest_s=known.shortest_s
-        )
+        return replace(self, waits_s=waits_s, mean_s=known.mean_s, varies_s=known.varies_s, shortest_s=known.shortest_s)
 
 
 SAME_S = 1e-6

@@ -131,9 +131,10 @@ class MissionFileUpload(DialogueMachine):
     @property
     def is_proven(self) -> bool:
         """Whether the vehicle has said the checksum of the new mission."""
-        return self._has_checksum_of(self.items)
+        return self.has_checksum_of(self.items)
 
-    def _has_checksum_of(self, items: tuple[MissionItem, ...]) -> bool:
+    def has_checksum_of(self, items: tuple[MissionItem, ...]) -> bool:
+        """Return whether it was that of these items."""
         if self.checksum is None or self.home is None:
             return False
         stored = (self.home, *map(predict_stored_item, items[1:]))
@@ -261,7 +262,7 @@ def _ask(state: F, now_s: float) -> tuple[F, Sent]:
     steps = state.steps
     if not steps[0] and not state.under_way:
         steps = steps[1:]
-    if not steps and state.rest and not state.is_cut and state._has_checksum_of(state.items + state.rest):
+    if not steps and state.rest and not state.is_cut and state.has_checksum_of(state.items + state.rest):
         steps = ((messages.MissionCount(len(state.items)),), (_REFUSED,), (_CHECK,))
         state = replace(state, is_cut=True)
     if not steps and state.is_doubtful and state.restarts < MOST_RESTARTS and not state.is_proven:
