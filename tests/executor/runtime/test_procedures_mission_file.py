@@ -69,8 +69,8 @@ async def test_a_list_that_becomes_shorter_is_cut_off_behind_the_new_part(air: A
     assert (done.accepted, done.mixed, board.missing) == (True, False, ())
     assert len(board.vehicle.missions.items) == len(board.items)
     if air is CLEAN:
-        assert [one.count for _, one in board.link.of_kind(MissionCount)] == [len(board.items)]
-        assert [one.item.command for _, one in board.link.of_kind(MissionItemInt)] == [0]
+        sent = [one for _, one in board.link.sent if isinstance(one, MissionCount | MissionItemInt)]
+        assert sent == [MissionCount(len(board.items)), MissionItemInt(MissionItem(0, 0, 0))]
 
 
 async def test_nothing_is_cut_off_behind_a_part_that_was_not_taken() -> None:
