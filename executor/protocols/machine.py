@@ -33,6 +33,8 @@ class RoundTrip:
     least_s: float = 0.25
     mean_s: float | None = None
     varies_s: float = 0.0
+    shortest_s: float = 0.0
+    """That was ever measured."""
 
     @property
     def usual_s(self) -> float:
@@ -48,7 +50,8 @@ class RoundTrip:
             mean_s = 0.875 * self.mean_s + 0.125 * took_s
         waits_s = mean_s + max(LEAST_VARIANCE_S, VARIANCES * varies_s)
         waits_s = min(max(waits_s, self.least_s), self.most_s)
-        return replace(self, waits_s=waits_s, mean_s=mean_s, varies_s=varies_s)
+        shortest_s = took_s if self.mean_s is None else min(self.shortest_s, took_s)
+        return replace(self, waits_s=waits_s, mean_s=mean_s, varies_s=varies_s, shortest_s=shortest_s)
 
     def record_timeout(self) -> Self:
         """Return what is waited after nothing came in that time: a jam is not to be fed."""
@@ -60,7 +63,7 @@ class RoundTrip:
             return self
         waits_s = known.mean_s + max(LEAST_VARIANCE_S, VARIANCES * known.varies_s)
         waits_s = min(max(waits_s, self.waits_s), self.most_s)
-        return replace(self, waits_s=waits_s, mean_s=known.mean_s, varies_s=known.varies_s)
+        return replace(self, waits_s=waits_s, mean_s=known.mean_s, varies_s=known.varies_s, shortest_s=known.shortest_s)
 
 
 SAME_S = 1e-6

@@ -2,8 +2,11 @@
 
 Sent item by item, old and new are flown as a mixture until the last item is there, and each item restarts the leg, so
 that a vehicle crawls. Of the file `@MISSION/mission.dat` ArduPilot takes the last part alone, from an item on, and puts
-it in place in one go when the file is closed (AP_Filesystem_Mission.cpp; measured on Copter 4.7-dev). A list is not
-shortened by that.
+it in place in one go when the file is closed (AP_Filesystem_Mission.cpp; measured on Copter 4.7-dev).
+
+A list is not shortened by that. MISSION_COUNT does it at once (MissionItemProtocol.cpp), so it waits until the checksum
+says that the new mission is there, with the rest of the old one behind its landing: the old one without its landing
+must not be flown. The upload that it announces ends with its first item, which no autopilot takes.
 
 A file without its header is dropped when it is closed, by us or, after the link was lost, by the next station that
 opens one. So the header goes last, when everything else is acknowledged, and zeros stand in its place until then: the
@@ -60,7 +63,7 @@ class FileOperation(IntEnum):
 
 F = TypeVar("F", bound="MissionFileUpload")
 Sent = tuple[messages.Outgoing, ...]
-Request = messages.FileRequest | messages.MissionRequest
+Request = messages.FileRequest | messages.MissionRequest | messages.MissionCount | messages.MissionItemInt
 Step = tuple[Request, ...]
 """Requests of which none waits for another; all are answered before the next step."""
 
@@ -87,6 +90,10 @@ class MissionFileUpload(DialogueMachine):
     number: int
     """Of the next request. A vehicle that hears the number of its last answer again repeats that answer, so two uploads
     must not begin with the same one."""
+    rest: tuple[MissionItem, ...] = ()
+    """What stands on board behind the last item, to be cut off."""
+    is_cut: bool = False
+    """Whether that was begun."""
     steps: tuple[Step, ...] = ()
     """What is left to be asked, the step under way first."""
     under_way: tuple[_Asked, ...] = ()
@@ -124,9 +131,13 @@ class MissionFileUpload(DialogueMachine):
     @property
     def is_proven(self) -> bool:
         """Whether the vehicle has said the checksum of the new mission."""
+        return self.has_checksum_of(self.items)
+
+    def has_checksum_of(self, items: tuple[MissionItem, ...]) -> bool:
+        """Return whether it was that of these items."""
         if self.checksum is None or self.home is None:
             return False
-        stored = (self.home, *map(predict_stored_item, self.items[1:]))
+        stored = (self.home, *map(predict_stored_item, items[1:]))
         return self.checksum in set(_list_checksums(stored))
 
     def _take(self, message: messages.Message, now_s: float) -> tuple[Self, Sent]:
@@ -181,6 +192,8 @@ def _write(offset: int, data: bytes) -> messages.FileRequest:
 _CLOSE = messages.FileRequest(SESSION, FileOperation.CLOSE)
 _CHECK = messages.FileRequest(SESSION, FileOperation.CHECKSUM, data=NAME)
 _NO_HEADER = bytes(HEADER.size)
+_REFUSED = messages.MissionItemInt(MissionItem(0, 0, 0))
+"""No command has this number: an upload ends with it (AP_Mission::mavlink_int_to_mission_cmd)."""
 _DROP: tuple[Step, ...] = ((_write(0, _NO_HEADER),), (_CLOSE,))
 """Closes a file that must not be taken."""
 
@@ -225,6 +238,10 @@ def _is_answer(message: messages.Message, request: Request) -> bool:
             return (number, session) == (request.number, request.session)
         case messages.MissionItemInt(item, kind), messages.MissionRequest(seq, asked):
             return (item.seq, kind) == (seq, asked)
+        case messages.MissionRequest(seq, kind), messages.MissionCount():
+            return (seq, kind) == (0, request.kind)
+        case messages.MissionAck(result, kind), messages.MissionItemInt():
+            return result != 0 and kind is request.kind
         case _:
             return False
 
@@ -245,6 +262,9 @@ def _ask(state: F, now_s: float) -> tuple[F, Sent]:
     steps = state.steps
     if not steps[0] and not state.under_way:
         steps = steps[1:]
+    if not steps and state.rest and not state.is_cut and state.has_checksum_of(state.items + state.rest):
+        steps = ((messages.MissionCount(len(state.items)),), (_REFUSED,), (_CHECK,))
+        state = replace(state, is_cut=True)
     if not steps and state.is_doubtful and state.restarts < MOST_RESTARTS and not state.is_proven:
         return _restart(state, now_s)
     if not steps:

@@ -51,6 +51,11 @@ LAST_ITEM_PERIOD_S = 1.0
 MOST_AHEAD = 16
 """Items under way, or questions: half of what the buffer of a telemetry radio holds."""
 FIRST_AHEAD = 8
+AHEAD = {1: MOST_AHEAD, 2: 6, 3: 10}
+"""The same for each of so many transfers side by side: our heartbeats wait behind them all."""
+AGAIN_AHEAD = 4
+"""From an item on that got lost so many go out: where one is lost others will be, and what is behind them has to be
+sent again."""
 AHEAD_TRIP_S = 0.03
 """A link that answers sooner needs none of that."""
 
@@ -242,7 +247,8 @@ def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     first = state.under_way[0] if state.under_way else None
     if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
         return _wait_for_answer(state, now_s), ()
-    return _send_items(replace(state, room=max(1, state.room // 2)), (), state.furthest, now_s, 1)
+    state = replace(state, room=min(state.room, AGAIN_AHEAD))
+    return _send_items(state, (), state.furthest, now_s, state.room)
 
 
 def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, most: int) -> tuple[U, Sent]:
@@ -266,7 +272,7 @@ def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip
     since_s = now_s - asked.at_s
     if asked.first_s is None:
         return trip.record_round_trip(since_s)
-    vain = trip.mean_s is not None and since_s < trip.mean_s / 2
+    vain = since_s < trip.shortest_s / 2
     return trip.record_round_trip(now_s - asked.first_s) if vain and not isinf(asked.first_s) else trip
 
 
@@ -368,13 +374,14 @@ class DownloadDialogue(DialogueMachine):
         items, later = list(self.items), {one.seq: one for one in (*self.later, item)}
         while (seq := self.first + len(items)) in later:
             items.append(later.pop(seq))
-        left, room = tuple(one for one in self.under_way if one is not asked), min(self.room + 1, MOST_AHEAD)
-        return _go_on(
-            replace(
-                self, items=tuple(items), later=tuple(later.values()), round_trip=trip, under_way=left, room=room
-            ),
-            now_s,
+        # Answers come in the order of the questions: what was asked before this one got lost.
+        at = self.under_way.index(asked)
+        passed, left = (() if again else self.under_way[:at]), self.under_way[0 if again else at :]
+        state = replace(
+            self, items=tuple(items), later=tuple(later.values()), round_trip=trip,
+            under_way=tuple(one for one in left if one is not asked), room=min(self.room + 1, MOST_AHEAD),
         )  # fmt: skip
+        return _go_on(state, now_s, passed)
 
     def _expire(self, now_s: float) -> tuple[Self, Sent]:
         """Ask again, for the list where the vehicle has ended the transfer; or give up."""
@@ -394,8 +401,7 @@ class DownloadDialogue(DialogueMachine):
             return _ask_count(state, now_s)
         late = tuple(one for one in state.under_way if one.at_s <= now_s - waited_s + SAME_S) or state.under_way[:1]
         kept = tuple(one for one in state.under_way if one not in late)
-        again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in late)
-        return _ask_items(replace(state, under_way=(*kept, *again), room=max(1, state.room // 2)), now_s, again)
+        return _ask_items(replace(state, under_way=kept, room=max(1, state.room // 2)), now_s, late)
 
     def _build_farewell(self) -> Sent:
         return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
@@ -407,13 +413,13 @@ class DownloadDialogue(DialogueMachine):
         return f"item {self.first + len(self.items)} of {self.count}"
 
 
-def _go_on(state: D, now_s: float) -> tuple[D, Sent]:
+def _go_on(state: D, now_s: float, lost: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
     """Ask for what comes after an answer, or say that all has come."""
     state = replace(state, heard_s=now_s, tries=0, refusal=None, broke_off_at="")
     if state.proven or state.first + len(state.items) >= (state.count or 0):
         done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
         return done, (messages.MissionAck(0, state.kind),)
-    return _ask_items(state, now_s)
+    return _ask_items(state, now_s, lost)
 
 
 def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
@@ -422,8 +428,10 @@ def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
     return state, (messages.MissionRequestList(state.kind),)
 
 
-def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
-    """Ask again for what is late, and for as many more items as there is room for."""
+def _ask_items(state: D, now_s: float, lost: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
+    """Ask again for what got lost, and for as many more items as there is room for."""
+    again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in lost)
+    state = replace(state, under_way=(*state.under_way, *again))
     have = {one.seq for one in state.under_way} | {item.seq for item in state.later}
     fresh = (
         _UnderWay(seq, now_s) for seq in range(state.first + len(state.items), state.count or 0) if seq not in have

@@ -1,7 +1,7 @@
 """Whose transfer is next on a channel that several vehicles share: one at a time, who needs it first goes first.
 
-Side by side they would take the channel from each other, and all be late. One that does not come on keeps nobody
-waiting: its vehicle may be out of reach.
+Side by side they would take the channel from each other, and all be late; only where answers are far do two or three
+use what the others wait for. One that does not come on keeps nobody waiting: its vehicle may be out of reach.
 """
 
 from __future__ import annotations
@@ -12,9 +12,14 @@ from enum import IntEnum
 
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import FULL_BUFFER_PCT
+from executor.protocols.machine import RoundTrip
 
 STALLED_S = 2.0
 """A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
+SLOW_S, FAR_S = 0.5, 1.25
+"""Round trips from which on there are two, and three."""
+FREE_PCT = 70
+"""Of the buffer of our own radio: it holds no more than it sends in a round."""
 REPORT_S = 2.5
 """A radio reports once a second; an older report says nothing."""
 HOLD_S = 0.25
@@ -43,7 +48,18 @@ class Turn:
     """In the order in which they came."""
 
 
-def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float) -> bool:
+def count_at_once(trip: RoundTrip, radio: Radio | None) -> int:
+    """Return how many transfers go side by side: one that waits for a far answer leaves the channel idle.
+
+    Answers that wait behind our own bytes are not far.
+    """
+    if trip.mean_s is None or trip.mean_s < SLOW_S:
+        return 1
+    free_pct = 100 if radio is None or radio.free_buffer_pct is None else radio.free_buffer_pct
+    return 3 if trip.mean_s >= FAR_S and free_pct >= FREE_PCT else 2
+
+
+def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float, at_once: int) -> bool:
     """Return whether a transfer may begin.
 
     Args:
@@ -51,13 +67,15 @@ def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float]
         waiting: All that wait, this one among them.
         progressed_s: When each that is under way came on last.
         now_s: The time.
+        at_once: How many may be under way.
     """
-    return turn == min(waiting) and all(now_s - at_s >= STALLED_S for at_s in progressed_s)
+    return turn == min(waiting) and sum(now_s - at_s < STALLED_S for at_s in progressed_s) < at_once
 
 
-def find_wait_s(progressed_s: Iterable[float], now_s: float) -> float:
+def find_wait_s(progressed_s: Iterable[float], now_s: float, at_once: int) -> float:
     """Return after how long it is worth looking again, if none ends before."""
-    return max([0.0, *(at_s + STALLED_S - now_s for at_s in progressed_s)])
+    latest_s = sorted(progressed_s)[-at_once:]
+    return max(0.0, latest_s[0] + STALLED_S - now_s) if len(latest_s) == at_once else 0.0
 
 
 def is_buffer_full(radio: Radio | None, heard_s: float, now_s: float) -> bool:

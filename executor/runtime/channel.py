@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 from executor.core.interface.messages import Radio
 from executor.core.interface.ports import Link
 from executor.protocols.machine import RoundTrip
-from executor.protocols.turns import Rank, Turn, find_wait_s, is_buffer_full, is_next
+from executor.protocols.turns import Rank, Turn, count_at_once, find_wait_s, is_buffer_full, is_next
 
 MOST_CHANNELS = 200
 """That are remembered: a connection that breaks is another one after it."""
@@ -55,6 +55,11 @@ class Channel:
         """Whether transfers of ours are under way, or wait."""
         return bool(self.under_way or self.waiting)
 
+    @property
+    def at_once(self) -> int:
+        """How many transfers may be under way side by side."""
+        return count_at_once(self.round_trip, self.radio)
+
     def learn(self, round_trip: RoundTrip) -> None:
         """Take what a dialogue has measured, if it has."""
         if round_trip.mean_s is not None:
@@ -90,9 +95,9 @@ class Channel:
         turn, waited, now_s = Turn(rank, needed_s, next(self._numbers)), False, asyncio.get_running_loop().time
         self.waiting.add(turn)
         try:
-            while not is_next(turn, self.waiting, self.under_way.values(), now_s()):
+            while not is_next(turn, self.waiting, self.under_way.values(), now_s(), self.at_once):
                 waited = True
-                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s())))
+                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s(), self.at_once)))
         finally:
             self.waiting.discard(turn)
             self._tell()

@@ -391,7 +391,7 @@ class Flight:
             1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, mission.items, strict=False))
         )
         need_s = replan_cycle.estimate_need_s(self.state, name)
-        need = UploadNeed(Rank.IN_FLIGHT, need_s, alike, on_board=len(before))
+        need = UploadNeed(Rank.IN_FLIGHT, need_s, alike, rest=before[len(mission.items) :])
         done = await procedures.upload_and_verify(
             link, self._clock, dialect, mission.items, wanted, lambda text: self._warn(f"{name}: {text}"), need=need
         )
@@ -460,11 +460,12 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     Behind one radio it is for everybody who hears it, and one a second would do. But radios with stock firmware put a
     report of their own inside other frames, whenever they see a HEARTBEAT: a vehicle's destroys one in four of ours
     (emulated), and each of ours a frame of a vehicle's. Five in a row are a GCS failsafe of ArduPilot's. So there come
-    two a second, a little sooner or later every time: two senders that kept one rhythm would keep on colliding.
+    two a second, a little sooner or later every time: two senders that kept one rhythm would keep on colliding. Over a
+    radio that loses frames two go out at once: they share a packet, and a report destroys only one of them.
 
-    A report can also fall on a frame's length. Then 278 bytes are taken for one frame, and all that is in them is lost
-    to the vehicle: where so little goes up, that is 6 s of heartbeats. So over a radio that reports itself and loses
-    frames fillers go out whenever nothing else does. They take what is the ground's turn on the air anyway.
+    What is left of a destroyed frame may hold the byte that a frame begins with, and 261 bytes are taken for one: where
+    so little goes up, that is 3 s of heartbeats. So over such a radio fillers go out whenever nothing else does. They
+    take what is the ground's turn on the air anyway.
     """
     losses, due_s, loop = _Losses(), 0.0, asyncio.get_running_loop()
     with ExitStack() as listened:
@@ -477,7 +478,8 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
                 _fill(once.values(), clock)
             else:
                 for name, link in once.values():
-                    supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
+                    for _ in range(1 + losses.are_many):
+                        supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
                 after_s = HEARTBEAT_S
                 if len(once) < len(ways):
                     after_s *= max(LEAST_SHARE, len(once) / len(ways))
@@ -495,10 +497,10 @@ def _fill(once: Iterable[tuple[str, Link]], clock: Clock) -> None:
 
 LEAST_SHARE = 0.5
 FILLER_S = 0.1
-"""Interval of filler frames of 26 bytes; a link carries 278 a second."""
+"""Interval of fillers of 26 bytes: 261 bytes pass in a second."""
 EMPTY_PCT = 90
 """Free share of our radio's buffer from which it has nothing else to send."""
-MANY_LOST, COUNTS = 0.04, 8
+MANY_LOST, COUNTS = 0.025, 16
 
 
 @dataclass(slots=True)
@@ -515,10 +517,14 @@ class _Losses:
             self._counts.append(message)
 
     @property
-    def want_fillers(self) -> bool:
+    def are_many(self) -> bool:
         missing = sum(one.missing for one in self._counts)
         many = missing > MANY_LOST * sum(one.received + one.missing for one in self._counts)
-        return many and self._free_pct is not None and self._free_pct >= EMPTY_PCT
+        return many and self._free_pct is not None
+
+    @property
+    def want_fillers(self) -> bool:
+        return self.are_many and self._free_pct is not None and self._free_pct >= EMPTY_PCT
 
 
 def _shift_of(beats: int) -> float:

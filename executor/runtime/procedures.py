@@ -18,7 +18,7 @@ from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import AHEAD, MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -91,8 +91,8 @@ class UploadNeed:
     """In how many seconds it should be over: who needs it first goes first."""
     alike: int = 0
     """How many items are, from the first one on, those that were read from the vehicle before."""
-    on_board: int = 0
-    """How many items were read then."""
+    rest: tuple[MissionItem, ...] = ()
+    """What was read then behind as many items as there are now."""
 
 
 @dialogue.count_awake_time
@@ -165,9 +165,9 @@ async def _upload_as_needed(
     link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...], kind: MissionKind, need: UploadNeed
 ) -> AnyUpload:
     """Upload once: the new part alone, as a file, to a vehicle that takes it so; everything else item by item."""
-    if dialect.takes_mission_file and need.alike > 0 and need.on_board <= len(items):
+    if dialect.takes_mission_file and need.alike > 0:
         first, number = min(need.alike, len(items) - 1), next(_FILE_NUMBERS) & 0xFFFF
-        file = await dialogue.run_dialogue(MissionFileUpload(items, first, number), link, clock)
+        file = await dialogue.run_dialogue(MissionFileUpload(items, first, number, need.rest), link, clock)
         if file.is_open:
             return file
     return await upload_once(link, clock, dialect, items, kind)
@@ -301,7 +301,9 @@ async def upload_once(
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    return await dialogue.run_dialogue(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
+    ahead = AHEAD[channel_of(link).at_once]
+    upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind, ahead=ahead)
+    return await dialogue.run_dialogue(upload, link, clock)
 
 
 async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:

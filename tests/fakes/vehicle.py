@@ -29,7 +29,7 @@ from executor.protocols import vehicle_commands
 from missions import Command, Dialect, Frame, MissionItem, MissionKind, ModeNumber, compute_list_checksum
 from tests.fakes.mission_file import FakeMissionFile
 
-ACCEPTED, ERROR, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 13, 14, 15
+ACCEPTED, ERROR, UNSUPPORTED, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 3, 13, 14, 15
 HEARTBEAT_S = 1.0
 ITEM_SILENCE_S = {"ardupilot": 1.0, "px4": 0.25}
 """It asks again for a missing item after this (measured)."""
@@ -130,6 +130,9 @@ class FakeMissions:
             return [MissionAck(ACCEPTED if again else ERROR)]
         if item.seq != len(upload.items):
             return [] if self.dialect.upload_is_atomic else [MissionAck(INVALID_SEQUENCE)]
+        if item.command == 0:
+            self._upload = None
+            return [MissionAck(UNSUPPORTED)]
         upload.items.append(item)
         upload.heard_s = now_s
         stored = replace(self._stored(item), z=item.z + 1.0) if item.seq == self.spoils else self._stored(item)

@@ -93,7 +93,7 @@ async def _transfer(autopilot: Autopilot, port: int, radio: RadioRelay) -> None:
 
 
 async def _replace_part(link: Link, clock: SystemClock, dialect: Dialect, items: tuple[MissionItem, ...]) -> None:
-    """Put other items in the place of the last ones, and more behind them, as a file."""
+    """Put other items in the place of the last ones, and more behind them, as a file; then a list that ends there."""
     first = len(items) - 4
     higher = (replace(item, z=item.z + 1.37 if item.z else 0.0) for item in mission(dialect, 15)[first:])
     newer = (*items[:first], *higher)
@@ -104,6 +104,12 @@ async def _replace_part(link: Link, clock: SystemClock, dialect: Dialect, items:
     assert (upload.outcome, upload.is_proven) == (Accepted(), True)
     read = await run_dialogue(DownloadDialogue(ahead=MOST_AHEAD), link, clock)
     assert find_mission_differences(newer, read.items, dialect) == ()
+    shorter, began_s = (*newer[:first], replace(newer[-1], seq=first)), time.monotonic()
+    upload = await run_dialogue(MissionFileUpload(shorter, first, first * 4096 + 2048, newer[first + 1 :]), link, clock)
+    print(f"{dialect.name}: {len(newer)} items cut to {len(shorter)} in {time.monotonic() - began_s:.1f} s")
+    assert (upload.outcome, upload.is_proven) == (Accepted(), True)
+    read = await run_dialogue(DownloadDialogue(ahead=MOST_AHEAD), link, clock)
+    assert find_mission_differences(shorter, read.items, dialect) == ()
 
 
 def _is_started(said: Message) -> bool:

@@ -201,15 +201,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ("count 6", 101.5),
             (*items(0, 4), 103.0),
             (*items(4, 6), 104.0),
-            (*items(2, 3), 105.25),
-            (*items(3, 6), 106.5),
+            (*items(2, 6), 105.5),
+            (106.5,),
             None,
         ],
     ),
     (
         "an upload repeats what was out of turn, and does not repeat what may be on its way",
         lambda: talk(AHEAD, (101.0, ask(0)), (101.5, MissionAck(13)), (102.6, MissionAck(13)), (102.7, MissionAck(13))),
-        [("count 6", 101.5), (*items(0, 4), 103.0), (103.5,), (*items(0, 1), 104.6), (104.6,), None],
+        [("count 6", 101.5), (*items(0, 4), 103.0), (103.5,), (*items(0, 4), 104.6), (104.6,), None],
     ),
     (
         "an upload whose end nobody hears is over when the vehicle asks for nothing more",

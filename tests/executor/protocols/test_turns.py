@@ -8,7 +8,8 @@ import pytest
 
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import FULL_BUFFER_PCT
-from executor.protocols.turns import STALLED_S, Rank, Turn, find_wait_s, is_buffer_full, is_next
+from executor.protocols.machine import RoundTrip
+from executor.protocols.turns import STALLED_S, Rank, Turn, count_at_once, find_wait_s, is_buffer_full, is_next
 
 SOON, LATER = Turn(Rank.IN_FLIGHT, 12.0, 3), Turn(Rank.IN_FLIGHT, 40.0, 1)
 PARAMETERS, READING = Turn(Rank.BEFORE_FLIGHT, math.inf, 0), Turn(Rank.BESIDE, math.inf, 2)
@@ -17,19 +18,28 @@ PARAMETERS, READING = Turn(Rank.BEFORE_FLIGHT, math.inf, 0), Turn(Rank.BESIDE, m
 def test_who_needs_it_first_goes_first_and_who_waits_longest_among_equals() -> None:
     waiting = [PARAMETERS, LATER, READING, SOON]
     assert sorted(waiting) == [SOON, LATER, PARAMETERS, READING]
-    assert [is_next(one, waiting, (), 100.0) for one in waiting] == [False, False, False, True]
+    assert [is_next(one, waiting, (), 100.0, 1) for one in waiting] == [False, False, False, True]
     assert Turn(Rank.BEFORE_FLIGHT, math.inf, 0) < Turn(Rank.BEFORE_FLIGHT, math.inf, 1)
 
 
 def test_one_transfer_at_a_time_unless_it_does_not_come_on() -> None:
-    assert not is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S - 0.1)
-    assert is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S)
-    assert not is_next(SOON, [SOON], [100.0, 101.0], 100.0 + STALLED_S)
+    assert not is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S - 0.1, 1)
+    assert is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S, 1)
+    assert not is_next(SOON, [SOON], [100.0, 101.0], 100.0 + STALLED_S, 1)
+
+
+def test_where_answers_are_far_there_are_two_or_three() -> None:
+    trips = (RoundTrip(), *(RoundTrip(mean_s=mean_s) for mean_s in (0.3, 0.7, 1.7)))
+    assert [count_at_once(trip, None) for trip in trips] == [1, 1, 2, 3]
+    assert count_at_once(trips[-1], Radio(200, 200, 50, 50, 40)) == 2, "they wait behind our own bytes"
+    assert is_next(SOON, [SOON, LATER], [100.0], 100.5, 2)
+    assert not is_next(SOON, [SOON, LATER], [100.0, 100.2], 100.5, 2)
 
 
 def test_it_is_looked_again_when_the_last_one_may_have_stalled() -> None:
-    assert find_wait_s((), 100.0) == 0.0
-    assert find_wait_s((99.0, 99.5), 100.0) == pytest.approx(STALLED_S - 0.5)
+    assert find_wait_s((), 100.0, 1) == 0.0
+    assert find_wait_s((99.0, 99.5), 100.0, 1) == pytest.approx(STALLED_S - 0.5)
+    assert find_wait_s((99.0, 99.5), 100.0, 2) == pytest.approx(STALLED_S - 1.0), "one of two is enough"
 
 
 @pytest.mark.parametrize(

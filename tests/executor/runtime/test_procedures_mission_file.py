@@ -8,7 +8,7 @@ from executor.core.interface.messages import FileRequest, MissionCount, MissionI
 from executor.protocols.turns import Rank
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult, UploadNeed
-from missions import ARDUPILOT, PX4, Dialect
+from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from tests.executor.runtime.test_procedures_put_on_board import LOSSY, Board, mission
 from tests.fakes.link import CLEAN, Air
 
@@ -25,9 +25,8 @@ async def fly(dialect: Dialect, air: Air = CLEAN, *, files: bool = True, seed: i
     return board
 
 
-async def put(board: Board, *, alike: int = 4, on_board: int | None = None) -> ProcedureResult:
-    known = len(board.vehicle.missions.items) if on_board is None else on_board
-    need = UploadNeed(Rank.IN_FLIGHT, 10.0, alike, known)
+async def put(board: Board, *, alike: int = 4, rest: tuple[MissionItem, ...] = ()) -> ProcedureResult:
+    need = UploadNeed(Rank.IN_FLIGHT, 10.0, alike, rest)
     done = await procedures.upload_and_verify(board.link, board.clock, board.dialect, board.items, need=need)
     board.link.close()
     return done
@@ -60,12 +59,29 @@ async def test_a_firmware_without_mission_files_gets_its_items() -> None:
     assert len(board.link.of_kind(MissionItemInt)) == len(board.items)
 
 
-async def test_a_list_that_becomes_shorter_goes_item_by_item() -> None:
-    """What stands behind the part of a file would stay on board."""
+@pytest.mark.parametrize(("air", "seed"), [(CLEAN, 0), *((LOSSY, seed) for seed in range(10))])
+async def test_a_list_that_becomes_shorter_is_cut_off_behind_the_new_part(air: Air, seed: int) -> None:
+    """The upload that cuts it off is ended by an item that no autopilot takes."""
+    board = await fly(ARDUPILOT, air, seed=seed)
+    before = mission(ARDUPILOT, (0, 2, 4, 6, 8, 10))
+    board.vehicle.missions.items = [board.vehicle.missions._stored(one) for one in before]
+    done = await put(board, rest=before[len(board.items) :])
+    assert (done.accepted, done.mixed, board.missing) == (True, False, ())
+    assert len(board.vehicle.missions.items) == len(board.items)
+    if air is CLEAN:
+        sent = [one for _, one in board.link.sent if isinstance(one, MissionCount | MissionItemInt)]
+        assert sent == [MissionCount(len(board.items)), MissionItemInt(MissionItem(0, 0, 0))]
+
+
+async def test_nothing_is_cut_off_behind_a_part_that_was_not_taken() -> None:
+    """What the checksum does not prove is read: the old mission without its landing is not flown."""
     board = await fly(ARDUPILOT)
-    assert (await put(board, on_board=len(board.items) + 1)).accepted
-    assert board.link.of_kind(MissionCount)
-    assert not board.link.of_kind(FileRequest)
+    before = mission(ARDUPILOT, (0, 2, 4, 6, 8, 10))
+    board.vehicle.missions.items = [board.vehicle.missions._stored(one) for one in before]
+    board.vehicle.missions.spoils = 6
+    assert not (await put(board, rest=before[len(board.items) :])).accepted
+    assert not board.link.of_kind(MissionCount)
+    assert len(board.vehicle.missions.items) == len(before)
 
 
 async def test_what_is_on_board_by_a_file_and_not_right_is_uploaded_again() -> None:

@@ -127,7 +127,7 @@ def test_a_mission_file_goes_on_over_the_other_link(share: float) -> None:
     new = old[:10] + tuple(
         replace(item, z=item.z + 3.0) if item.command == Command.NAV_WAYPOINT else item for item in old[10:]
     )
-    need, took_s = UploadNeed(alike=10, on_board=len(old)), list[float]()
+    need, took_s = UploadNeed(alike=10), list[float]()
 
     async def put(sky: Sky, dies_s: float | None) -> None:
         link, clock = sky.radio.end, sky.clock
