@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import fields
 
 import pytest
 
@@ -71,7 +72,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "stale": False,
             "fault": None,
             "fence": None,
-            "payload": PayloadState(),
+            **{one.name: getattr(PayloadState(), one.name) for one in fields(PayloadState)},
             "pending": None,
             "stubborn": False,
             "failures": 0,
