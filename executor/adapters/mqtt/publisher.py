@@ -33,7 +33,7 @@ VERSION = "1.8.0"
 
 
 class MqttPayload(BaseModel):
-    """What every message begins with."""
+    """Common header of every message."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True, use_attribute_docstrings=True)
 
@@ -48,20 +48,20 @@ class MqttPayload(BaseModel):
 
 
 class ConnectionMessage(MqttPayload):
-    """Whether a flight is published here; retained, and the last will."""
+    """Connection state of the publisher; retained, and the last will."""
 
     connectionState: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]  # noqa: N815 - VDA 5050's name
-    """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker says that the ground station is gone."""
+    """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker lost the ground station."""
 
 
 class VehicleStateMessage(MqttPayload):
-    """Everything about one vehicle; retained, on every change of what it does and at least every ten seconds."""
+    """State of one vehicle; retained, sent on every change of its activity and at least every ten seconds."""
 
     vehicle: VehicleView
 
 
 class TelemetryMessage(MqttPayload):
-    """Where one vehicle is, at the site's rate."""
+    """Telemetry of one vehicle, at the site's rate."""
 
     name: str
     state: str
@@ -77,11 +77,11 @@ class TelemetryMessage(MqttPayload):
     segment_name: str | None
     """Asset name of that segment."""
     segment_share: float | None
-    """Share of it that is done, from 0 to 1."""
+    """Completed share of it, from 0 to 1."""
 
 
 class FleetStateMessage(MqttPayload):
-    """The flight as a whole; retained, on every change and at least every ten seconds."""
+    """State of the whole flight; retained, sent on every change and at least every ten seconds."""
 
     flight_s: float | None
     """Seconds since the launch."""
@@ -97,7 +97,7 @@ class FleetStateMessage(MqttPayload):
     replan: ReplanView | None
     """Re-plan in progress."""
     all_silent: bool
-    """Whether no vehicle is heard."""
+    """Whether all vehicles are silent."""
     recalled: bool
     """Whether the flight was aborted."""
     finished: bool
@@ -116,7 +116,7 @@ class FleetStateMessage(MqttPayload):
 
 
 class AssetsMessage(MqttPayload):
-    """What became of each asset that asks for pictures; retained."""
+    """State of each asset that needs pictures; retained."""
 
     assets_total: int
     """Number of assets."""
@@ -136,7 +136,7 @@ class EventMessage(MqttPayload):
 
 
 class FaultMessage(MqttPayload):
-    """The judgement that a vehicle will not finish its route."""
+    """Decision that a vehicle will not finish its route."""
 
     vehicle: str
     code: FaultCode
@@ -149,7 +149,7 @@ class FaultMessage(MqttPayload):
 
 
 class PlanMessage(MqttPayload):
-    """The plan in force; retained. Of a large one the first part: further segments are in messages of their own."""
+    """Current plan; retained. Of a large plan the first part; further segments are in separate messages."""
 
     revision: int
     parts: Annotated[int, Field(ge=1)] = 1
@@ -172,7 +172,7 @@ class PlanPartMessage(MqttPayload):
 
 
 class AcknowledgementMessage(MqttPayload):
-    """What became of an intent; once when it is taken or refused, and again when it comes to its end."""
+    """Outcome of an intent: sent when it is accepted or refused, and again when it ends."""
 
     id: str | None
     """Id of the intent; null if unreadable."""
