@@ -24,8 +24,7 @@ def steady_s() -> float:
     """Return seconds of a clock that is never set and runs on while the computer is suspended.
 
     Vehicles keep flying during a suspend. Linux's CLOCK_MONOTONIC stops meanwhile, CLOCK_BOOTTIME does not; other
-    systems
-    have only the monotonic clock.
+    systems have only the monotonic clock.
     """
     if sys.platform == "linux":
         return time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -62,8 +61,7 @@ class SystemClock:
         """Return the clock of a flight that resumes in a new process, possibly on another computer.
 
         It continues from the time of day, the only clock that outlives a process and a computer; if that was set back,
-        from the
-        last recorded time of the flight.
+        from the last recorded time of the flight.
 
         Args:
             speedup: Speed-up of the flight.
@@ -111,8 +109,8 @@ class FleetTime(asyncio.Protocol):
     """Steady clock: the fleet's time while a fleet is connected, else the computer's.
 
     The fleet's next moment begins when all its earlier messages have been processed and acknowledged; the fleet then
-    runs at
-    most `AHEAD_S` ahead. So when the computer delays one process, the other waits, and neither sees the other as late.
+    runs at most `AHEAD_S` ahead. So when the computer delays one process, the other waits, and neither sees the other
+    as late.
     """
 
     _speedup: float
@@ -291,8 +289,7 @@ class FairSelector(selectors.DefaultSelector):
     """Selector that returns at most `AT_ONCE` files per round, those that have waited longest first.
 
     asyncio handles everything that is ready before it checks its deadlines again. Files left out here are still ready
-    in
-    the next round.
+    in the next round.
     """
 
     def __init__(self) -> None:

@@ -180,7 +180,7 @@ def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic ru
     """Return the value that was passed to `to_plain`.
 
     Raises:
-        LogError: an unknown kind, or fields that do not fit it.
+        LogError: An unknown kind, or fields that do not fit it.
     """
     if isinstance(value, dict):
         fields = {key: from_plain(item) for key, item in value.items() if key != "kind"}
@@ -218,8 +218,7 @@ class EventLog:
     """Append events to a file; each is with the operating system when `write` returns.
 
     A full disk must not end a flight: lines that cannot be written wait in memory until there is room. Beyond
-    `MOST_WAITING`
-    lines, only decisions and the results of procedures are kept, and the gap is noted.
+    `MOST_WAITING` lines, only decisions and the results of procedures are kept, and the gap is noted.
     """
 
     def __init__(

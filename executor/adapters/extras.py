@@ -32,7 +32,7 @@ class Extra(Enum):
 
 
 INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}
-"""Package name of a module, where it differs."""
+"""Package name of a module, if it differs."""
 
 
 def describe_missing_extra(extra: Extra, wanted_by: str) -> str:

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 from executor.core.interface.intents import LONGEST_NAME, MAX_ASSETS, MAX_PACKS, PACK, Action, ActionName, Intent
 
 
-def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
+def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - unvalidated input
     """Return a name or a number; a union's own error would name Python types."""
     if isinstance(value, str) and 0 < len(value) <= LONGEST_NAME:
         return value

@@ -194,8 +194,7 @@ def start_worker_pool(count: int) -> ProcessPoolExecutor:
     """Return a pool with `count` processes.
 
     They are spawned, as a process that has had threads, such as the compiler's, must not be forked. However this
-    process
-    dies, they end and do not go on computing.
+    process dies, they end and do not go on computing.
     """
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor

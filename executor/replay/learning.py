@@ -209,8 +209,8 @@ def read_aircraft_notes(paths: Sequence[Path]) -> dict[int, AircraftNotes]:
     """Read each log once; return the notes by system. If there are several, files that are no logs are skipped.
 
     Raises:
-        ExtraMissing: there is a ULog, and nothing is installed to read it with.
-        LogError: the only log cannot be read.
+        ExtraMissing: A log is a ULog, and no reader for it is installed.
+        LogError: The only log cannot be read.
     """
     notes: dict[int, AircraftNotes] = {}
     for path in paths:

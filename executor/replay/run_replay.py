@@ -38,7 +38,7 @@ class DecisionComparison:
     """Commands and lines of the flight."""
     replayed: int
     first_difference: str
-    """Empty if there is none."""
+    """First command or line that differs; empty if there is none."""
     reworded: str = ""
     """First line or reason with a changed wording; empty if there is none. It does not affect `is_same`."""
 
@@ -66,7 +66,7 @@ def replay_run(run: Path) -> RunReplay:
     Raises:
         LogError: events.jsonl or vehicles.json cannot be used.
         SiteError: site.toml cannot be used.
-        MissionsError: the first plan cannot be used.
+        MissionsError: The first plan cannot be used.
     """
     begun = read_run_start(run)
     context, state = begun.context, begun.state

@@ -1,4 +1,4 @@
-"""Draw a replayed flight over time, and its page: battery and its band, voltage, link age, progress, declared faults."""
+"""Draw a replayed flight over time, with its page: battery with band, voltage, link age, progress, declared faults."""
 
 from __future__ import annotations
 

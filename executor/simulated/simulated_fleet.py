@@ -135,7 +135,7 @@ def fleet_of(
     return config.SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults), radio)
 
 
-def run_simulation(  # noqa: PLR0913 - what is simulated, and how
+def run_simulation(  # noqa: PLR0913 - the simulation's settings
     ground: SiteModel,
     *,
     speedup: float,

@@ -98,7 +98,7 @@ MODE_WAIT_USEC = 10_000_000
 """Time within which a log started at arming reports its mode."""
 THRUST = 0.05
 THRUST_ROWS = 3
-"""Seconds of thrust without an arming record after which the log is taken to begin in the air."""
+"""Seconds of thrust without an arming record after which the log counts as begun in the air."""
 STALE_USEC = 3_000_000
 """Age after which the next best source of a position or a speed is used."""
 GPS_USEC = 1_000_000

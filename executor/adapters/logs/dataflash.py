@@ -42,7 +42,7 @@ SYSTEM_PARAMETERS = frozenset({"MAV_SYSID", "SYSID_THISMAV"})
 MOST_SYSTEMS = 256
 BEAT_USEC = 1_000_000
 LATE_USEC = 5_000_000
-"""Most that records of one boot are out of order."""
+"""Most time by which records of one boot are out of order."""
 LEAP_USEC = 600_000_000
 AGREES_USEC = 60_000_000
 """Tolerance within which the next record must confirm a clock jump of more than ten minutes."""
@@ -250,7 +250,7 @@ def _is_padding(behind: bytes) -> bool:
 
 @dataclass(slots=True)
 class DataFlashFile(RecordedFile):
-    """A log being read once."""
+    """A DataFlash log, read once."""
 
     text: bool = False
     system: int = SYSTEM
@@ -311,7 +311,7 @@ class DataFlashFile(RecordedFile):
         return True
 
     def _attach_time(self, row: Row, rows: Rows) -> Iterable[tuple[int, str, Fields]]:
-        """Return a record with its time, after any record whose time it confirms; nothing while its time is doubtful."""
+        """Return a record with its time, after any record it confirms; nothing while it is doubtful."""
         t_usec, kind, fields = row if row[0] is not None else _with_satellites_time(row, rows)
         if self._now_usec is None:
             if t_usec is not None or kind in TOLD_ONCE or rows.is_timed:

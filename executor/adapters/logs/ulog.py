@@ -386,7 +386,7 @@ TOPICS: Mapping[str, TopicReader] = {
 
 @dataclass(slots=True)
 class UlogFile(recorded_log.RecordedFile):
-    """A .ulg being read."""
+    """A .ulg, read once."""
 
     def read_records(self) -> Iterator[recorded_log.Record]:
         """Yield the log's messages in order of time.

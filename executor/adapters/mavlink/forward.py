@@ -147,7 +147,7 @@ class Forwarder:
         self._peers.pop(write, None)
 
     def take(self, codec: MavlinkCodec, received: DecodedFrame, write: Write) -> None:
-        """Take a frame of a station."""
+        """Process a frame from a station: check it, and pass it on if allowed."""
         peer = self._peers.get(write) or self.add_peer(write, calls_us=True)
         peer.heard_s = self.now_s()
         frame = read_station_frame(codec, received.frame)

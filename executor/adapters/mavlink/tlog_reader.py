@@ -33,7 +33,7 @@ from executor.core.telemetry.plausibility import filter_implausible
 from missions import PX4
 
 BACK_USEC = 1_000_000
-"""Most that frames of several links are out of order."""
+"""Most time by which frames of several links are out of order."""
 AHEAD_USEC = 2_000_000
 """Pauses shorter than this are normal for a link."""
 SET_USEC = 1_500_000

@@ -31,7 +31,7 @@ class IntakeRules:
     max_age_s: float
     token: str | None = field(default=None, repr=False)
     closed: str = ""
-    """Reason why no intents are taken; empty if they are."""
+    """Reason why no intents are accepted; empty if they are."""
 
 
 MOST_BYTES = 4096

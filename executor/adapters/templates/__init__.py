@@ -35,7 +35,7 @@ def write_page(path: Path, text: str) -> None:
     """Write a page, whole or not at all.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: The file cannot be written.
     """
     # A vehicle's text may hold half a surrogate pair; that must not cost the page.
     write_whole(path, text.encode("utf-8", errors="xmlcharrefreplace"))
