@@ -317,7 +317,7 @@ class _PacedSelector(FairSelector):
         self.pace: FleetTime | None = None
 
     def select(self, timeout: float | None = None) -> ReadyFiles:
-        """Return ready files; none if only time has passed."""
+        """Return ready files; none if only the pacemaker's time has advanced."""
         pace = self.pace
         if pace is None or not pace.is_synchronised:
             return super().select(timeout)

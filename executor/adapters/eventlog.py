@@ -50,7 +50,7 @@ def digest_of(first: bytes, last: bytes) -> str:
 
 
 def is_place_in_log(path: Path, place: LogPlace) -> bool:
-    """Return whether a position lies in this log, so that the same flight has written both."""
+    """Return whether a position belongs to this log, that is, the same flight wrote both."""
     with suppress(OSError):
         if 0 < place.size <= path.stat().st_size:
             first, last = read_ends(path, place.size)

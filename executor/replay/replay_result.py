@@ -206,7 +206,7 @@ class PackBook:
 
 
 def capacity_ah(flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, float] | None:
-    """Return a flight's estimate of its pack's capacity; None if too little was used or counted."""
+    """Return a flight's estimate of its pack's capacity; None if too little was used, or no charge was counted."""
     if flight.rest_cell_v is None or not flight.counted_ah:
         return None
     found = []

@@ -51,7 +51,7 @@ class ConnectionMessage(MqttPayload):
     """Connection state of the publisher; retained, and the last will."""
 
     connectionState: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]  # noqa: N815 - VDA 5050's name
-    """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker lost the ground station."""
+    """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker lost the connection to it."""
 
 
 class VehicleStateMessage(MqttPayload):
