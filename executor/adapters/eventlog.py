@@ -456,8 +456,7 @@ def read_events(
     Args:
         path: The log.
         damaged: Called with a description of damage that does not prevent reading: unreadable lines, lines that were
-            never
-            written, periods without a record. If omitted, damage is an error.
+            never written, periods without a record. If omitted, damage is an error.
         since: Where to begin, if not at the beginning.
 
     Raises:

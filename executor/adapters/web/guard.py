@@ -3,9 +3,9 @@
 A page of another origin must not fly our vehicles: its requests carry another Origin, and a name that was made to point
 here (DNS rebinding) is not one of ours. Every answer forbids the browser all features that the page does not need.
 
-Connections from this computer have their own quota, which other clients never use up. If a quota is full, the connection that
-was silent longest is closed: browsers send their request within moments. State is sent as server-sent events: the
-newest one wins, and a client that cannot keep up is disconnected.
+Connections from this computer have their own quota, which other clients never use up. If a quota is full, the
+connection that was silent longest is closed: browsers send their request within moments. State is sent as server-sent
+events: the newest one wins, and a client that cannot keep up is disconnected.
 """
 
 from __future__ import annotations
@@ -260,7 +260,7 @@ class ConnectionRegistry:
         self._callers.pop(caller, None)
 
     async def close_idle_connections(self) -> None:
-        """Close overdue connections, for ever."""
+        """Close overdue connections periodically."""
         while True:
             now_s = asyncio.get_running_loop().time()
             for caller in tuple(self._callers):

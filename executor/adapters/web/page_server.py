@@ -118,7 +118,7 @@ class PageServer(ABC):
 
     @abstractmethod
     async def _keep_newest(self) -> None:
-        """Put new values into the stream, for ever."""
+        """Publish new values to the stream, until the end."""
 
     @abstractmethod
     async def _close(self) -> None:
