@@ -1,17 +1,17 @@
-"""What the executor raises.
+"""Errors that the executor raises.
 
 ExecutorError
 ├── SiteError          a site file that cannot be used: file, key and what was expected
-├── ExtraMissing       what is asked for needs a part that is not installed
+├── ExtraMissing       a requested feature needs an extra that is not installed
 ├── ConnectionFailed   an endpoint that cannot be opened, or a vehicle that never answered
-├── PreflightFailed    a check before take-off that says no
-│   └── VehicleRefused a vehicle that does not take its mission
+├── PreflightFailed    a check before take-off that fails
+│   └── VehicleRefused a vehicle that refuses its upload
 └── LogError           an event log that cannot be written or read
 """
 
 
 class ExecutorError(Exception):
-    """Root of everything that the executor raises on purpose; the text is one line for the user."""
+    """Base of all errors that the executor raises on purpose; the text is one line for the user."""
 
 
 class SiteError(ExecutorError):
@@ -19,19 +19,19 @@ class SiteError(ExecutorError):
 
 
 class ExtraMissing(ExecutorError):
-    """What is asked for needs an extra that is not installed."""
+    """A requested feature needs an extra that is not installed."""
 
 
 class ConnectionFailed(ExecutorError):
-    """An endpoint cannot be opened, or nobody answers on it."""
+    """An endpoint cannot be opened, or no vehicle answers on it."""
 
 
 class PreflightFailed(ExecutorError):
-    """A check before take-off says no."""
+    """A check before take-off fails."""
 
 
 class VehicleRefused(PreflightFailed):
-    """A vehicle does not take what it is given: what was asked for is no bad input, the answer is no."""
+    """A vehicle refuses its upload: the input is valid, but the vehicle does not accept it."""
 
 
 class LogError(ExecutorError):

@@ -1,7 +1,7 @@
-"""Keeps what goes on beside a flight going, and says what goes wrong there: one line for each kind of mistake.
+"""Keep background tasks running, and report their internal errors, one line for each kind.
 
-A mistake is handed to the event loop's own exception handler, where asyncio's complaints end as well; `hear` puts one
-there that tells the crew in a line and keeps the traceback in a file.
+Errors go to the event loop's own exception handler, which also gets asyncio's reports; `watch_internal_errors` installs
+one that sends the crew a line and keeps the traceback in a file.
 """
 
 from __future__ import annotations
@@ -15,25 +15,26 @@ from pathlib import Path
 from typing import Any
 
 WAITS_S = (0.1, 1.0, 2.0, 5.0, 15.0)
-"""Real seconds before what has died is begun again; the last stands for all that follow."""
+"""Real seconds before each restart of a failed task; the last value repeats."""
 AT_ONCE_S = 0.02
-"""For what the flight itself stands on: no wait, but one that dies in every round must not keep the processor."""
+"""Pause for tasks that the flight depends on: restart at once, but a task that fails in every round must not block the
+processor."""
 STEADY_S = 30.0
-"""What went well for so long begins its waits anew."""
+"""Real seconds without a failure after which the pauses start anew."""
 FILE = "mistakes.txt"
-"""In a run directory: the tracebacks."""
+"""File of the tracebacks in a run directory."""
 
 Work = Callable[[], Awaitable[None]]
 
 
 def report_internal_error(what: str, error: BaseException, *, said: bool = False) -> None:
-    """Hand a mistake to those who listen; `said` if the crew knows of it already."""
-    with suppress(RuntimeError):  # without a loop nothing goes on
+    """Report an internal error to the handler; `said` if the crew knows of it already."""
+    with suppress(RuntimeError):  # without a loop there is no handler
         asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error, "said": said})
 
 
 def call_safely(what: str, work: Callable[..., object], *arguments: object) -> None:
-    """Do something whose mistakes must not end what goes on around it."""
+    """Run a function whose errors must not end its caller."""
     try:
         work(*arguments)
     except Exception as error:  # noqa: BLE001 - the boundary that this function is
@@ -41,7 +42,7 @@ def call_safely(what: str, work: Callable[..., object], *arguments: object) -> N
 
 
 async def keep_going(what: str, work: Work, *, at_once: bool = False) -> None:
-    """Do something, and again whenever it dies of a mistake, until it ends by itself or is cancelled."""
+    """Run a task, and restart it after every error, until it ends normally or is cancelled."""
     loop, attempt = asyncio.get_running_loop(), 0
     while True:
         began_s = loop.time()
@@ -57,7 +58,7 @@ async def keep_going(what: str, work: Work, *, at_once: bool = False) -> None:
 
 @asynccontextmanager
 async def run_beside(what: str, work: Work, *, at_once: bool = False) -> AsyncIterator[None]:
-    """Keep something going for as long as the block runs."""
+    """Keep a task running for as long as the block runs."""
     task = asyncio.create_task(keep_going(what, work, at_once=at_once), name=what)
     try:
         yield
@@ -67,21 +68,21 @@ async def run_beside(what: str, work: Work, *, at_once: bool = False) -> AsyncIt
 
 
 class InternalErrorReporter:
-    """Says every kind of mistake once, and keeps its traceback; an exception handler of an event loop."""
+    """Report every kind of error once, and keep its traceback; an event loop's exception handler."""
 
     def __init__(self, say: Callable[[str], None], keep: Callable[[str], None]) -> None:
-        """Name who is told a line, and what keeps a traceback."""
+        """Set the receivers of the lines and of the tracebacks."""
         self._say = say
         self._keep = keep
         self._known: set[tuple[str, str, str]] = set()
 
     def __call__(self, _: asyncio.AbstractEventLoop | None, context: dict[str, Any]) -> None:
-        """Take what an event loop has to say; never raises."""
+        """Handle an event loop's report; never raises."""
         error = context.get("exception")
         task = context.get("task") or context.get("future")
         named = getattr(task, "get_name", lambda: "")()
         what = named or str(context.get("message", ""))
-        ours = "said" in context  # asyncio's own words hold addresses and times, which differ each time
+        ours = "said" in context  # asyncio's own texts hold addresses and times, which differ each time
         kind = (
             what if ours or error is None else "",
             type(error).__name__,
@@ -105,13 +106,13 @@ def _locate_error(error: BaseException) -> str:
 
 @contextmanager
 def watch_internal_errors(say: Callable[[str], None], run: Path | None) -> Iterator[None]:
-    """Have every mistake of the running loop, and of the threads beside it, said in a line.
+    """Report every error of the running loop, and of its threads, in a line.
 
-    The loop keeps the handler: asyncio complains of some tasks only when it ends.
+    The loop keeps the handler, as asyncio reports some tasks only when it ends.
 
     Args:
         say: Called on the loop with a line for the crew.
-        run: Where the tracebacks are kept; nowhere without a run directory.
+        run: Run directory for the tracebacks; None drops them.
     """
 
     def keep(text: str) -> None:
@@ -135,6 +136,6 @@ def watch_internal_errors(say: Callable[[str], None], run: Path | None) -> Itera
 
 
 def report_on_loop(loop: asyncio.AbstractEventLoop, what: str, error: BaseException) -> None:
-    """Report a mistake of another thread on a loop; one that has ended hears nothing any more."""
+    """Report an error from another thread on a loop; nothing happens if the loop has ended."""
     with suppress(RuntimeError):
         loop.call_soon_threadsafe(loop.call_exception_handler, {"message": what, "exception": error, "said": False})

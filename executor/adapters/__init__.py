@@ -1,1 +1,1 @@
-"""Adapters to the outside world, one for each outside system. They use core, never one another."""
+"""Adapters to outside systems, one for each. They use core, never one another."""

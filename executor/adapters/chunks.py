@@ -1,4 +1,4 @@
-"""Read files that do not fit into memory, piece by piece."""
+"""Read files that do not fit into memory in pieces."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ PIECE = 1 << 18
 
 
 def read_in_chunks(path: Path, read: Callable[[bytes, bool], Generator[Found, None, int]]) -> Iterator[Found]:
-    """Yield what is found in a file's pieces, each of which begins with what the one before left over.
+    """Yield the results from a file's pieces; each piece begins with the unread rest of the one before.
 
     Args:
         path: The file.
-        read: Yields what is in a piece and returns where the rest begins; the flag says that nothing follows.
+        read: Yields the results of a piece and returns where its rest begins; the flag marks the last piece.
     """
     with path.open("rb") as file:
         buffer, rest = b"", 0

@@ -1,7 +1,7 @@
-"""The time of a flight: the system clock, a simulated fleet's time that is faster, and the event loop that goes by it.
+"""Flight time: the system clock, a simulated fleet's faster time, and the event loop that runs on either.
 
-A steady clock is there to decide, UTC only to label. What a fleet says is taken in turns by the event loop, so that
-nothing else waits for all of it.
+Decisions use a steady clock; UTC only labels records. The event loop handles the fleet's messages in turns, so that a
+burst of them does not block anything else.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from simulator import common_time
 
 
 def steady_s() -> float:
-    """Return seconds of a clock that nobody sets, and that runs on while the computer is suspended.
+    """Return seconds of a clock that is never set and runs on while the computer is suspended.
 
-    The vehicles fly on then. Linux's CLOCK_MONOTONIC stands still meanwhile, and CLOCK_BOOTTIME does not; elsewhere
-    the monotonic clock is all there is.
+    Vehicles keep flying during a suspend. Linux's CLOCK_MONOTONIC stops meanwhile, CLOCK_BOOTTIME does not; other
+    systems have only the monotonic clock.
     """
     if sys.platform == "linux":
         return time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -33,19 +33,19 @@ def steady_s() -> float:
 
 @dataclass(frozen=True, slots=True)
 class SystemClock:
-    """The flight's time: 0 at construction, `speedup` seconds in one of its steady clock."""
+    """Flight time: 0 at construction, then `speedup` seconds per second of a steady clock."""
 
     speedup: float = 1.0
     began_steady_s: float = field(default_factory=steady_s)
     began_unix_s: float = field(default_factory=time.time)
     steady: Callable[[], float] = steady_s
-    """This computer's, or the time of a simulated fleet that cannot always keep up with it."""
+    """Steady clock: this computer's, or the time of a simulated fleet that cannot always keep up with it."""
     set_since: tuple[float, float] = field(default_factory=lambda: (time.time(), steady_s()))
-    """This computer's two clocks at construction."""
+    """UTC and steady time of this computer at construction."""
 
     @classmethod
     def start_on(cls, speedup: float, steady: Callable[[], float]) -> Self:
-        """Return the clock of a flight that begins, on a steady clock of its own."""
+        """Return the clock of a new flight, on the given steady clock."""
         return cls(speedup, steady(), steady=steady)
 
     @classmethod
@@ -58,88 +58,89 @@ class SystemClock:
         steady: Callable[[], float] = steady_s,
         date_unix_s: float | None = None,
     ) -> Self:
-        """Return the clock of a flight that goes on in a new process, maybe on another computer.
+        """Return the clock of a flight that resumes in a new process, possibly on another computer.
 
-        It goes on from where the time of day says that it is, which is the only clock that outlives a process and a
-        computer; if that was set back, from where the flight was last.
+        It continues from the time of day, the only clock that outlives a process and a computer; if that was set back,
+        from the last recorded time of the flight.
 
         Args:
-            speedup: Of the flight.
-            began_unix_s: Seconds since 1970 at which its time was 0.
-            last_s: The last time that is on record.
-            set_s: By how much the time of day is known to have been set since the flight began.
-            steady: The steady clock of the flight.
-            date_unix_s: What the time of day is on the clock of the simulated fleet, which nobody sets.
+            speedup: Speed-up of the flight.
+            began_unix_s: Unix time at which the flight time was 0.
+            last_s: Last recorded flight time.
+            set_s: Known clock steps since the flight began, in seconds.
+            steady: Steady clock of the flight.
+            date_unix_s: Unix time by the simulated fleet's clock, which is never set.
         """
         date_unix_s = time.time() - set_s if date_unix_s is None else date_unix_s
         now_s = max(last_s, (date_unix_s - began_unix_s) * speedup)
         return cls(speedup, steady() - now_s / speedup, began_unix_s, steady)
 
     def now_s(self) -> float:
-        """Seconds of the flight since construction."""
+        """Return the flight time in seconds."""
         return (self.steady() - self.began_steady_s) * self.speedup
 
     def steady_unix_s(self) -> float:
-        """Seconds since 1970 by the time of day at construction and the steady clock since."""
+        """Return Unix time: the time of day at construction plus the steady clock's time since."""
         return self.began_unix_s + self.now_s() / self.speedup
 
     def clock_step_s(self) -> float:
-        """Seconds by which the time of day was set, or drifted, since construction."""
+        """Return by how many seconds the time of day was set, or drifted, since construction."""
         unix_s, own_s = self.set_since
         return (time.time() - unix_s) - (steady_s() - own_s)
 
     def label_usec(self) -> int:
-        """Microseconds since 1970 at which this moment would lie had the flight been flown at speed 1."""
+        """Return this moment in microseconds since 1970, as if the flight ran at speed 1."""
         return round((self.began_unix_s + self.now_s()) * 1e6)
 
     def unix_s(self) -> float:
-        """Seconds since 1970 as this computer knows them now: they jump when its clock is set."""
+        """Return Unix time by this computer's clock; it jumps when the clock is set."""
         return time.time()
 
 
 GREETS_REAL_S = 1.0
-"""Who does not greet within this is no fleet of ours."""
+"""Real seconds to wait for a fleet's greeting; without it, the port is not a simulated fleet's."""
 BUSY_REAL_S = 0.25
-"""What never comes to rest goes on all the same after this: a flood of frames slows a flight, and does not end it."""
+"""Most real seconds to process without rest before time moves on; a flood of frames slows a flight, but does not end
+it."""
 
 
 @dataclass(eq=False, repr=False)
 class FleetTime(asyncio.Protocol):
-    """Seconds of a steady clock: the computer's, or as many as the fleet has lived through, as long as one is there.
+    """Steady clock: the fleet's time while a fleet is connected, else the computer's.
 
-    The fleet's next moment begins when everything that it said before has been taken in; that is then acknowledged, and
-    the fleet lives at most `AHEAD_S` beyond it. So a process that the computer keeps waiting keeps the other waiting,
-    and neither sees the other late.
+    The fleet's next moment begins when all its earlier messages have been processed and acknowledged; the fleet then
+    runs at most `AHEAD_S` ahead. So when the computer delays one process, the other waits, and neither sees the other
+    as late.
     """
 
     _speedup: float
-    """Of the flight; a fleet with another one keeps its own time."""
+    """Speed-up of the flight; a fleet with a different one keeps its own time."""
     _own_s: Callable[[], float]
-    """The computer's own steady clock."""
+    """Steady clock of the computer."""
     _monotonic_s: Callable[[], float] = time.monotonic
-    """Real seconds, to see how long a partner has been silent."""
+    """Real seconds, to measure how long the fleet has been silent."""
     _transport: asyncio.Transport | None = None
     _lines: common_time.LineBuffer = field(default_factory=common_time.LineBuffer)
     _turn: common_time.ReplyWait | None = None
     _came: asyncio.Event = field(default_factory=asyncio.Event)
     _behind_s: float = 0.0
-    """Of our time behind the computer's clock, while alone."""
+    """Lag of our time behind the computer's clock, while not connected."""
     _base_s: float = 0.0
     _base_lived_s: float = 0.0
     _lived_s: float = 0.0
-    """What we live in, in the fleet's time."""
+    """Our time, on the fleet's clock."""
     _told_s: float = 0.0
-    """How far the fleet has lived."""
+    """Time that the fleet has reached."""
     _heard_at_s: float = 0.0
     _taken_s: float = 0.0
-    """What was acknowledged last."""
+    """Time acknowledged last."""
     _together: bool = False
     _dated: tuple[float, float] | None = None
     """A moment of our time, and its date on the fleet's clock."""
 
     @property
     def is_synchronised(self) -> bool:
-        """Whether the fleet's time is ours at the moment."""
+        """Return whether our time follows the fleet's at the moment."""
         return self._together
 
     def steady_s(self) -> float:
@@ -150,7 +151,7 @@ class FleetTime(asyncio.Protocol):
 
     @property
     def is_connected(self) -> bool:
-        """Whether a fleet has greeted and is still there, be it stopped."""
+        """Return whether a fleet is connected, even if stopped."""
         return self._turn is not None
 
     def date_unix_s(self) -> float | None:
@@ -161,7 +162,7 @@ class FleetTime(asyncio.Protocol):
         return unix_s + self.steady_s() - at_s
 
     async def connect(self, port: int) -> bool:
-        """Ask the fleet behind this port for a common time; returns whether there is one."""
+        """Request a common time from the fleet behind this port; return whether it agreed."""
         try:
             async with asyncio.timeout(GREETS_REAL_S):
                 await asyncio.get_running_loop().create_connection(lambda: self, common_time.HERE, port)
@@ -176,7 +177,7 @@ class FleetTime(asyncio.Protocol):
         self._transport, self._lines = cast("asyncio.Transport", transport), common_time.LineBuffer()
 
     def data_received(self, data: bytes) -> None:
-        """Hear how far the fleet has lived."""
+        """Read the time that the fleet has reached."""
         for line in self._lines.take(data):
             if self._turn is None:
                 greeting = common_time.parse_greeting(line)
@@ -191,7 +192,7 @@ class FleetTime(asyncio.Protocol):
                     self._heard_at_s = self._monotonic_s()
                 self._told_s = told_s
                 self._turn.end()
-        # It lived on without us, and what it said meanwhile is late already: it is heard as late as it was.
+        # It ran on without us, so its messages are late already: keep that delay.
         if self._together and self._told_s - self._lived_s > 2 * common_time.AHEAD_S:
             self._lived_s = self._told_s
 
@@ -214,7 +215,7 @@ class FleetTime(asyncio.Protocol):
             self._together = False
 
     def note_idle(self) -> bool:
-        """Take note that everything that was heard is dealt with; returns whether time has gone on by that."""
+        """Note that everything received is processed; return whether time moved on."""
         if self._told_s > self._lived_s:
             self._lived_s = self._told_s
             return True
@@ -225,18 +226,18 @@ class FleetTime(asyncio.Protocol):
         return False
 
     def note_busy(self) -> None:
-        """Take note that there is still something to be dealt with."""
+        """Note that received data is still unprocessed."""
         if self._told_s > self._lived_s and self._monotonic_s() - self._heard_at_s >= BUSY_REAL_S:
             self._lived_s = self._told_s
             self.note_idle()
 
     def note_silence(self) -> None:
-        """Take note that nothing was heard for a while: the fleet may be stopped, or gone."""
+        """Note that nothing was received for a while: the fleet may be stopped or gone."""
         if self._turn is not None and self._turn.is_gone(self._monotonic_s()):
             self._fall_back_to_own_time()
 
     def disconnect(self) -> None:
-        """Go on alone."""
+        """Continue without a fleet."""
         self._fall_back_to_own_time()
         self._turn = None
         if self._transport is not None:
@@ -244,7 +245,7 @@ class FleetTime(asyncio.Protocol):
             self._transport = None
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
-        """Go on alone."""
+        """Continue without a fleet."""
         self._fall_back_to_own_time()
         self._turn = self._transport = None
         self._came.set()
@@ -255,50 +256,50 @@ P = ParamSpec("P")
 ReadyFiles = list[tuple[selectors.SelectorKey, int]]
 
 AT_ONCE = 8
-"""Files that are ready and taken in one round of the loop: some 5 ms, each with a few messages. Fifty vehicles that
-speak at the same moment would otherwise keep deadlines, heartbeats and the page waiting for all fifty."""
+"""Most ready files handled per round of the loop: about 5 ms, each with a few messages. Without it, fifty vehicles that
+send at the same moment would delay deadlines, heartbeats and the page."""
 
 THREADS = 16
 THREADS_END_S = 5.0
-"""Real seconds that the threads beside a flight may take to end: a disk or a name server may never answer."""
+"""Longest real seconds to wait for a flight's threads at its end; a disk or a name server may never answer."""
 
 
 class BoundedThreadPool(futures.ThreadPoolExecutor):
-    """The threads beside an event loop, whose end is not waited for longer than `THREADS_END_S`."""
+    """Thread pool of an event loop; ending it takes at most `THREADS_END_S`."""
 
     def __init__(self) -> None:
         super().__init__(THREADS, thread_name_prefix="beside")
         self._begun: set[futures.Future[Any]] = set()
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
-        """Do something in a thread."""
+        """Run a function in a thread."""
         future = super().submit(fn, *args, **kwargs)
         self._begun.add(future)
         future.add_done_callback(self._begun.discard)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more, and wait a while for what was begun."""
+        """Accept no more work, and wait a limited time for running work."""
         super().shutdown(wait=False, cancel_futures=cancel_futures)
         if wait:
             futures.wait(tuple(self._begun), THREADS_END_S)
 
 
 class FairSelector(selectors.DefaultSelector):
-    """Hands on at most `AT_ONCE` files in a round, those first that have waited longest.
+    """Selector that returns at most `AT_ONCE` files per round, those that have waited longest first.
 
-    asyncio goes through everything that was ready before it looks at its deadlines again. What is left here is still
-    ready in the next round.
+    asyncio handles everything that is ready before it checks its deadlines again. Files left out here are still ready
+    in the next round.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._rounds = 0
         self._served: dict[int, int] = {}
-        """In which round a file had its last turn."""
+        """Round in which each file was handled last."""
 
     def select(self, timeout: float | None = None) -> ReadyFiles:
-        """Return what is ready, `AT_ONCE` files at most."""
+        """Return ready files, at most `AT_ONCE`."""
         ready = super().select(timeout)
         self._rounds += 1
         if len(ready) > AT_ONCE:
@@ -309,14 +310,14 @@ class FairSelector(selectors.DefaultSelector):
 
 
 class _PacedSelector(FairSelector):
-    """Waits for what somebody else's time brings, not for the computer's."""
+    """Selector that waits on a pacemaker's time instead of the computer's."""
 
     def __init__(self) -> None:
         super().__init__()
         self.pace: FleetTime | None = None
 
     def select(self, timeout: float | None = None) -> ReadyFiles:
-        """Return what is ready; nothing, if it is only later than it was."""
+        """Return ready files; none if only the pacemaker's time has advanced."""
         pace = self.pace
         if pace is None or not pace.is_synchronised:
             return super().select(timeout)
@@ -333,7 +334,7 @@ class _PacedSelector(FairSelector):
 
 
 class FairEventLoop(asyncio.SelectorEventLoop):
-    """An event loop that takes turns, and whose deadlines may go by somebody else's time."""
+    """Event loop that handles files in turns and whose deadlines may follow a pacemaker."""
 
     def __init__(self) -> None:
         self._selects = _PacedSelector()
@@ -341,13 +342,13 @@ class FairEventLoop(asyncio.SelectorEventLoop):
         super().__init__(self._selects)
 
     def time(self) -> float:
-        """Return the time that deadlines are in."""
+        """Return the time that deadlines refer to."""
         pace = self._selects.pace
         return super().time() if pace is None else pace.steady_s() + self._shift_s
 
     @contextmanager
     def follow_pacemaker(self, pace: FleetTime) -> Iterator[None]:
-        """Go by this time inside the block."""
+        """Follow this pacemaker's time inside the block."""
         self._shift_s = super().time() - pace.steady_s()
         self._selects.pace = pace
         try:
@@ -359,7 +360,7 @@ class FairEventLoop(asyncio.SelectorEventLoop):
 def run_on_fair_loop(
     work: Coroutine[None, None, T], loop: Callable[[], asyncio.AbstractEventLoop] = FairEventLoop
 ) -> T:
-    """Do what `asyncio.run` does, on a loop that takes turns and whose end is bounded."""
+    """Run a coroutine as `asyncio.run` does, on a fair loop whose shutdown is bounded."""
     with asyncio.Runner(loop_factory=loop) as runner:
         runner.get_loop().set_default_executor(BoundedThreadPool())
         return runner.run(work)

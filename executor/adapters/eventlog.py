@@ -1,8 +1,8 @@
-"""The event log: one JSON object a line, written and handed to the system before the event is applied.
+"""Event log: one JSON object per line, handed to the operating system before the event is applied.
 
 Every value is a frozen dataclass, a tuple or a plain value, so one generic rule writes and reads them all: a dataclass
-is an object with its class name under ``kind``, a tuple is a list. The end of a log is read without the rest: a log of
-ten hours is larger than anybody can wait for.
+becomes an object with its class name under ``kind``, a tuple becomes a list. The end of a log is read without the rest,
+as a log of ten hours takes too long to read.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ PIECE_BYTES = 64 * 1024
 
 @dataclass(frozen=True, slots=True)
 class LogPlace:
-    """The end of a whole line in a log, and how to know that log again."""
+    """Position after a whole line in a log, with a digest that identifies the log."""
 
     size: int
-    """Bytes up to this place."""
+    """Bytes up to this position."""
     lines: int
     at_s: float
-    """Time of the last event before this place."""
+    """Time of the last event before this position."""
     digest: str
-    """Digest of the log's first line and of the last line before this place."""
+    """Digest of the log's first line and of the last line before this position."""
 
 
 def digest_of(first: bytes, last: bytes) -> str:
-    """Return what a place is known by."""
+    """Return the digest of a position."""
     return hashlib.sha256(first + last).hexdigest()
 
 
 def is_place_in_log(path: Path, place: LogPlace) -> bool:
-    """Return whether a place lies in this log: the same flight has written both."""
+    """Return whether a position belongs to this log, that is, the same flight wrote both."""
     with suppress(OSError):
         if 0 < place.size <= path.stat().st_size:
             first, last = read_ends(path, place.size)
@@ -60,7 +60,7 @@ def is_place_in_log(path: Path, place: LogPlace) -> bool:
 
 @contextmanager
 def _map_log(path: Path) -> Iterator[mmap.mmap | bytes]:
-    """Have a log as bytes of which only the pages that are looked at are read."""
+    """Map a log into memory, so that only the pages used are read."""
     with path.open("rb") as file:
         if not os.fstat(file.fileno()).st_size:
             yield b""
@@ -70,21 +70,21 @@ def _map_log(path: Path) -> Iterator[mmap.mmap | bytes]:
 
 
 def read_ends(path: Path, size: int) -> tuple[bytes, bytes]:
-    """Return the first line of a log, and the last one of its first `size` bytes."""
+    """Return the first line of a log, and the last line of its first `size` bytes."""
     with _map_log(path) as log:
         begin = log.rfind(b"\n", 0, max(0, size - 1)) + 1
         return log[: log.find(b"\n") + 1] or log[:], log[begin:size]
 
 
 def count_lines_after(path: Path, place: LogPlace | None) -> int:
-    """Return how many whole lines follow a place, or are in the whole log."""
+    """Return the number of whole lines after a position, or in the whole log."""
     with path.open("rb") as file:
         file.seek(0 if place is None else place.size)
         return sum(piece.count(b"\n") for piece in iter(partial(file.read, PIECE_BYTES), b""))
 
 
 def is_flight_finished(path: Path) -> bool:
-    """Return whether the last that a log holds is that nothing is left to supervise."""
+    """Return whether a log ends with the note that no vehicle is left to supervise."""
     with _map_log(path) as log:
         return b'"command":{"kind":"Finish"' in log[max(0, len(log) - PIECE_BYTES) :]
 
@@ -112,7 +112,7 @@ def _parse_event_time_s(line: bytes) -> float | None:
 
 
 def is_time(value: object) -> TypeGuard[float]:
-    """Return whether this can be a time of the flight."""
+    """Return whether a value is a valid flight time."""
     return isinstance(value, int | float) and abs(value) <= sys.float_info.max
 
 
@@ -122,8 +122,8 @@ MOST_WAITING = 50_000
 LONGEST_PAUSE_S = 30.0
 """Longest gap between events in flight time; a tick comes every 0.2 s, or every 0.02 real seconds."""
 DISK_S = 1.0
-"""Real seconds that a command waits for the disk. A healthy disk takes milliseconds; only a power loss could undo the
-decision, so it must not wait for ever."""
+"""Real seconds that a command waits for the disk. A healthy disk takes milliseconds; the wait is limited, as only a
+power loss could undo the decision."""
 GAP = "lines_lost"
 """Key of a note that replaces lines that could not be written."""
 CLOCK_SET = "clock_set_s"
@@ -142,7 +142,7 @@ _KINDS: dict[str, type] = {
 
 
 def _find_enum_reader(hint: object) -> Callable[[Any], Enum | None] | None:
-    """Return what reads a field of such a type, if it holds a member of an enum, or may hold one."""
+    """Return a reader for a field's type if the field holds, or may hold, a member of an enum; else None."""
     kind = next((one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)), None)
     if kind is None or kind is hint:
         return kind
@@ -158,7 +158,7 @@ _ENUMS = {
 
 @cache
 def _fields_of(kind: type) -> tuple[str, ...] | None:
-    """Return the names of a dataclass's fields, None for any other class; asked for with every frame that comes."""
+    """Return a dataclass's field names, None for any other class; cached, as it is called for every frame."""
     return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 
@@ -177,10 +177,10 @@ def to_plain(value: object) -> object:
 
 
 def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic rule
-    """Return the value that `to_plain` was given.
+    """Return the value that was passed to `to_plain`.
 
     Raises:
-        LogError: an unknown kind, or fields that do not fit it.
+        LogError: An unknown kind, or fields that do not fit it.
     """
     if isinstance(value, dict):
         fields = {key: from_plain(item) for key, item in value.items() if key != "kind"}
@@ -198,27 +198,27 @@ def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic ru
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class LogHeader:
-    """The first line of a log."""
+    """First line of a log."""
 
     began_unix_s: float
     """Unix time at which the log's time is 0."""
     speedup: float
 
     def __post_init__(self) -> None:
-        """Check both.
+        """Check both values.
 
         Raises:
-            ValueError: no flight has such a time.
+            ValueError: No flight has this start time or speed-up.
         """
         if not (0 <= self.began_unix_s < LATEST_UNIX_S and 0 < self.speedup <= FASTEST):
             raise ValueError(f"expected a time, got {self}")
 
 
 class EventLog:
-    """Appends events to a file; each is with the operating system when `write` returns.
+    """Append events to a file; each is with the operating system when `write` returns.
 
-    A disk that is full must not end a flight: what cannot be written waits in memory until there is room. Beyond
-    `MOST_WAITING` lines only what was decided and what procedures came to is kept, and the gap is noted.
+    A full disk must not end a flight: lines that cannot be written wait in memory until there is room. Beyond
+    `MOST_WAITING` lines, only decisions and the results of procedures are kept, and the gap is noted.
     """
 
     def __init__(
@@ -230,33 +230,33 @@ class EventLog:
         told: Callable[[str], None] = lambda _: None,
         lines: int = 0,
     ) -> None:
-        """Create the file, or go on with one: what is behind its last whole line is cut off then.
+        """Create the file, or continue one; anything after its last whole line is then cut off.
 
         Args:
-            path: Where.
-            began_unix_s: Of a new log: seconds since 1970 at which its time is 0.
-            speedup: Of the flight, for a new log.
+            path: File to write.
+            began_unix_s: For a new log: Unix time at which its time is 0.
+            speedup: For a new log: speed-up of the flight.
             told: Called with a line for the operator when writing fails, and when it works again.
-            lines: How many whole lines there are, where it goes on with one.
+            lines: Number of whole lines in a log that is continued.
 
         Raises:
-            LogError: a new one exists already, or the file cannot be written.
+            LogError: A new log exists already, or the file cannot be written.
         """
         self.lost = 0
-        """Number of lines that were given up."""
+        """Number of lines dropped."""
         self._told = told
         self._waiting: deque[bytes] = deque()
-        """Lines that are not written yet."""
+        """Lines not yet written."""
         self._begun = 0
-        """Bytes of the first of them that are written."""
+        """Bytes already written of the first waiting line."""
         self._dropped = 0
-        """Lines given up since the last one that was written."""
+        """Lines dropped since the last line written."""
         self._now_s = 0.0
         """Time of the last event."""
         self._written = self._synced = 0
         """Lines written, and lines synced to disk."""
         self._syncing: asyncio.Task[None] | None = None
-        """The single task that waits for the disk."""
+        """The only task that waits for the disk."""
         self._slow = False
         self._lines = lines
         """Lines handed to the operating system."""
@@ -280,11 +280,11 @@ class EventLog:
         self._write({"t_s": now_s, "event": to_plain(event)}, spare=isinstance(event, Heard | Tick))
 
     def note(self, now_s: float, **fields: object) -> None:
-        """Append a line that replay passes over: what was decided, in words."""
+        """Append a decision in words; replay skips this line."""
         self._write({"t_s": now_s, **fields})
 
     def current_place(self) -> LogPlace | None:
-        """Return where the log has come to; None while lines wait that the system did not take."""
+        """Return the end of the log; None while lines wait that the system has not accepted."""
         if self._fd < 0 or self._waiting:
             return None
         try:
@@ -294,9 +294,9 @@ class EventLog:
         return LogPlace(size, self._lines, self._now_s, digest_of(self._first, self._last))
 
     async def settle(self) -> None:
-        """Wait until all of it outlives a power loss: no decision reaches a vehicle before.
+        """Wait until all lines would survive a power loss; no command is sent to a vehicle before.
 
-        A disk may take its time, or hang: the loop goes on meanwhile, and so does who waits, after `DISK_S`.
+        A disk may be slow or hang: the loop keeps running, and the wait ends after `DISK_S`.
         """
         wanted = self._written
         with suppress(TimeoutError):
@@ -326,7 +326,7 @@ class EventLog:
         )
 
     def _report_trouble(self, text: str) -> None:
-        """Tell the operator, and write it down where there is room again."""
+        """Report a problem to the operator, and log it once there is room again."""
         self._told(text)
         self._waiting.append(json.dumps({"t_s": self._now_s, "told": text, "level": "warning"}).encode() + b"\n")
         self._flush()
@@ -390,7 +390,7 @@ def read_head(path: Path) -> LogHeader:
     """Return a log's first line.
 
     Raises:
-        LogError: it cannot be read, or is not such a log.
+        LogError: It cannot be read, or the file is not an event log.
     """
     try:
         with path.open("rb") as file:
@@ -403,7 +403,7 @@ def read_head(path: Path) -> LogHeader:
 
 
 def total_clock_step_s(path: Path, since: LogPlace | None = None) -> float:
-    """Return by how many seconds the time of day was set while a log was written, as far as its notes say."""
+    """Return by how many seconds the time of day was set while a log was written, from its notes."""
     return sum(step_s for note in read_notes(path, since) if is_time(step_s := note.get(CLOCK_SET)))
 
 
@@ -422,14 +422,14 @@ def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
 
 
 def read_notes(path: Path, since: LogPlace | None = None) -> Iterator[dict[str, Any]]:
-    """Yield what the log holds beside events, each with its time as ``t_s``.
+    """Yield the lines of a log other than events, each with its time as ``t_s``.
 
-    A line that cannot be read is passed over; `read_events` says what is wrong with it.
+    Unreadable lines are skipped; `read_events` reports their errors.
     """
     with path.open(encoding="utf-8", errors="replace") as file:
         file.seek(0 if since is None else since.size)
         for line in file:
-            # Most lines are events; a cheap look tells them apart.
+            # Most lines are events; this cheap check skips them.
             if '"event":' in line[:60] or not line.endswith("\n"):
                 continue
             try:
@@ -441,7 +441,7 @@ def read_notes(path: Path, since: LogPlace | None = None) -> Iterator[dict[str, 
 
 
 def read_decisions(path: Path, since: LogPlace | None = None) -> Iterator[tuple[float, object]]:
-    """Yield what was decided, with its time: lines that were said, and commands as plain data."""
+    """Yield decisions with their times: lines for the operator, and commands as plain data."""
     for note in read_notes(path, since):
         decided = note.get("command", note.get("said"))
         if decided is not None:
@@ -451,16 +451,16 @@ def read_decisions(path: Path, since: LogPlace | None = None) -> Iterator[tuple[
 def read_events(
     path: Path, damaged: Callable[[str], None] | None = None, since: LogPlace | None = None
 ) -> Iterator[tuple[float, Event]]:
-    """Yield the events of a log with their times; a torn last line is passed over.
+    """Yield the events of a log with their times; skip an incomplete last line.
 
     Args:
         path: The log.
-        damaged: Told in words what is wrong with it, where that is no reason to give up: lines that cannot be read,
-            lines that were never written, times of which nothing is on record. Without it damage is an error.
+        damaged: Called with a description of damage that does not prevent reading: unreadable lines, lines that were
+            never written, periods without a record. If omitted, damage is an error.
         since: Where to begin, if not at the beginning.
 
     Raises:
-        LogError: not such a log, or a line in its midst cannot be read.
+        LogError: The file is not an event log, or a line before the last cannot be read.
     """
     last_s = None if since is None else since.at_s
     try:
@@ -492,7 +492,7 @@ def read_events(
 
 
 def _parse_line(path: Path, number: int, line: bytes, damaged: Callable[[str], None] | None) -> dict[str, Any]:
-    """Return a line's object; an empty one for a line that cannot be read where that is no error."""
+    """Return a line's object; an empty one for an unreadable line if damage is accepted."""
     reason = "expected an object"
     try:
         content = json.loads(line)
@@ -507,7 +507,7 @@ def _parse_line(path: Path, number: int, line: bytes, damaged: Callable[[str], N
 
 
 def _parse_event(content: dict[str, Any]) -> tuple[float, Event] | None:
-    """Return the event of a line with its time; None for a line that has none."""
+    """Return a line's event with its time; None if the line has none."""
     if "event" not in content:
         return None
     t_s, event = content.get("t_s"), from_plain(content["event"])

@@ -1,6 +1,7 @@
-"""What is installed only where it is wanted: the package's extras, and the line that is said where one is missing.
+"""Optional extras of the package, and the message when one is missing.
 
-Who needs one asks here before the work, and imports it only then: an installation without it does all the rest.
+Code that needs an extra checks here before its work and imports it only then; an installation without it does all the
+rest.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from executor.errors import ExtraMissing
 
 
 class Extra(Enum):
-    """The extras that something is refused without, as pyproject.toml names them, and what is imported of each."""
+    """Extras that a feature may require, as named in pyproject.toml, with the modules of each."""
 
     PICTURES = "pictures", "matplotlib"
     IMAGES = "images", "PIL"
@@ -26,37 +27,37 @@ class Extra(Enum):
 
     @property
     def modules(self) -> tuple[str, ...]:
-        """What is imported of it."""
+        """Return the modules of the extra."""
         return tuple(map(str, self.value[1:]))
 
 
 INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}
-"""Package name of a module, where it differs."""
+"""Package name of a module, if it differs."""
 
 
 def describe_missing_extra(extra: Extra, wanted_by: str) -> str:
-    """Return what to install where an extra is missing; empty where it is there. Nothing is loaded for that.
+    """Return what to install if an extra is missing; empty if it is installed. Loads nothing.
 
     Args:
         extra: The extra.
-        wanted_by: What cannot be done without it, in the words that the user wrote.
+        wanted_by: The feature that needs it, in the user's words.
     """
     if all(find_spec(name) is not None for name in extra.modules):
         return ""
-    # The libraries by their names: whoever runs a checkout has installed nothing of the index.
+    # Name the libraries: a checkout is not installed from the index.
     return f"{wanted_by} needs the extra {extra.value[0]}: pip install {' '.join(packages_of(extra))}"
 
 
 def packages_of(extra: Extra) -> tuple[str, ...]:
-    """Return what an extra is installed by."""
+    """Return the packages that an extra needs."""
     return tuple(INSTALLED_BY.get(module, module) for module in extra.modules)
 
 
 def require_extra(extra: Extra, wanted_by: str) -> None:
-    """Go on only where an extra is there.
+    """Check that an extra is installed.
 
     Raises:
-        ExtraMissing: it is not; the text is that of `describe_missing_extra`.
+        ExtraMissing: It is not; the text is that of `describe_missing_extra`.
     """
     line = describe_missing_extra(extra, wanted_by)
     if line:

@@ -10,8 +10,8 @@ from pydantic_core import PydanticCustomError
 from executor.core.interface.intents import LONGEST_NAME, MAX_ASSETS, MAX_PACKS, PACK, Action, ActionName, Intent
 
 
-def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
-    """Return a name or a number; a union's own complaint would name the types of Python."""
+def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - unvalidated input
+    """Return a name or a number; a union's own error would name Python types."""
     if isinstance(value, str) and 0 < len(value) <= LONGEST_NAME:
         return value
     if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
@@ -29,7 +29,7 @@ ID = r"^[A-Za-z0-9._:-]{1,64}$"
 
 
 class IntentBody(BaseModel):
-    """What an operator wants."""
+    """An operator's intent."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
@@ -59,7 +59,7 @@ class IntentBody(BaseModel):
         return self
 
     def build_intent(self, source: str) -> Intent:
-        """Return what is asked for, and from which side."""
+        """Return the intent, with its source."""
         action = Action(self.action)
         return Intent(
             self.id, action, self.vehicle, source, self.confirmed, self.pack, self.base, self.assets, self.charged

@@ -1,6 +1,6 @@
 """Handle the end of the program, by Ctrl-C, SIGTERM or a closed terminal, and end the processes it started.
 
-Ctrl-C reaches every process of a program at once; those that only work for another leave it to that one.
+Ctrl-C reaches every process of a program at once; worker processes leave it to their parent.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ PROGRAM_ENDS_S = 10.0
 
 @contextmanager
 def defer_ctrl_c() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach; one that comes meanwhile is delivered afterwards."""
-    if sys.platform == "win32":  # where nothing holds signals back
+    """Start processes that Ctrl-C does not reach; deliver one that arrives meanwhile afterwards."""
+    if sys.platform == "win32":  # where signals cannot be held back
         yield
         return
     from multiprocessing import resource_tracker
 
-    # It starts with the first process, and has SIGINT delivered again once it runs: to that process as well.
+    # It starts with the first process, and then SIGINT is delivered again, to that process too.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     came: list[int] = []
-    # Another thread may take the signal all the same; half a pool of processes would wait for the rest for ever.
+    # Another thread may still take the signal; half a pool of processes would wait for the rest for ever.
     raises = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     plain = raises and threading.current_thread() is threading.main_thread()
     if plain:
@@ -59,7 +59,7 @@ def defer_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def treat_signals_as_ctrl_c() -> Iterator[None]:
-    """Have SIGTERM, and a terminal that closes, end the program like one Ctrl-C; what is ignored stays so (nohup)."""
+    """Make SIGTERM and a closing terminal end the program like one Ctrl-C; ignored signals stay ignored (nohup)."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -68,7 +68,7 @@ def treat_signals_as_ctrl_c() -> Iterator[None]:
     def ends(_: int, __: FrameType | None) -> None:
         forget_terminal()
         if once.is_first():
-            if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell starts so what a script does not wait for
+            if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell starts a script's background jobs like this
                 signal.signal(signal.SIGINT, signal.default_int_handler)
             signal.raise_signal(signal.SIGINT)
 
@@ -83,26 +83,26 @@ def treat_signals_as_ctrl_c() -> Iterator[None]:
 
 
 class SignalDebouncer:
-    """Takes signals that come together for one."""
+    """Treat signals that arrive together as one."""
 
     def __init__(self) -> None:
         self._last_s = float("-inf")
 
     def is_first(self) -> bool:
-        """Return whether the last one was some time ago."""
+        """Return whether the last signal was some time ago."""
         before_s, self._last_s = self._last_s, time.monotonic()
         return self._last_s - before_s > TOGETHER_S
 
 
 def forget_terminal() -> None:
-    """Stop writing to a terminal that is there no more: every line to it would be an error."""
+    """Stop writing to a closed terminal: every line to it would be an error."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None and _is_hung_up(stream):
             discard_output(stream)
 
 
 def discard_output(stream: TextIO) -> None:
-    """Throw away what is written to a stream from now on, and what is still buffered."""
+    """Discard further output of a stream, and its buffer."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -110,7 +110,7 @@ def discard_output(stream: TextIO) -> None:
 
 
 def _is_hung_up(stream: TextIO) -> bool:
-    """Return whether a stream led to a terminal that is closed now: it takes nothing, not even nothing."""
+    """Return whether a stream led to a terminal that is now closed; even an empty write fails then."""
     try:
         os.write(stream.fileno(), b"")
     except OSError:
@@ -121,7 +121,7 @@ def _is_hung_up(stream: TextIO) -> bool:
 
 
 def end_children() -> None:
-    """End the processes that work for this one: nobody waits for their answers any more."""
+    """End worker processes, whose results are no longer needed."""
     if "multiprocessing" not in sys.modules:
         return
     import multiprocessing
@@ -130,7 +130,7 @@ def end_children() -> None:
 
 
 def end_program(process: subprocess.Popen[bytes]) -> None:
-    """End a program that was started beside this one, and kill it if it does not."""
+    """End a program that was started alongside this one; kill it if it does not end."""
     process.terminate()
     try:
         process.wait(PROGRAM_ENDS_S)
@@ -140,14 +140,14 @@ def end_program(process: subprocess.Popen[bytes]) -> None:
 
 
 def end_processes(processes: Collection[BaseProcess], *, patience_s: float = ENDS_S) -> int:
-    """End processes, as politely as they allow; blocks for three times `ENDS_S` at most.
+    """End processes, as politely as they allow; blocks for at most three times `ENDS_S`.
 
     Args:
-        processes: Which.
-        patience_s: How long they may take to end by themselves.
+        processes: Processes to end.
+        patience_s: Seconds for them to end without a signal.
 
     Returns:
-        How many had to be killed.
+        Number of processes that had to be killed.
     """
     left = _wait_for_processes(processes, patience_s)
     for process in left:
@@ -160,10 +160,10 @@ def end_processes(processes: Collection[BaseProcess], *, patience_s: float = END
 
 
 def _wait_for_processes(processes: Collection[BaseProcess], within_s: float) -> list[BaseProcess]:
-    """Return those that still run after a while.
+    """Return the processes that still run after a while.
 
-    Their sentinels say so: a pool's own thread may have asked the system for the exit code first, and a process that
-    somebody else has reaped is alive for `Process.is_alive`.
+    Their sentinels are used: a pool's own thread may have collected the exit code first, and `Process.is_alive` reports
+    a process as alive that was reaped elsewhere.
     """
     from multiprocessing import connection
 
@@ -177,7 +177,7 @@ def _wait_for_processes(processes: Collection[BaseProcess], within_s: float) -> 
 
 
 def end_with_parent() -> None:
-    """End this worker process when the one that started it is gone, however it died: nobody would stop it any more."""
+    """End this worker process when its parent is gone, however it died; otherwise it would run for ever."""
     threading.Thread(target=_wait_for_parent, daemon=True).start()
 
 
@@ -191,10 +191,10 @@ def _wait_for_parent() -> None:
 
 
 def start_worker_pool(count: int) -> ProcessPoolExecutor:
-    """Return a pool of so many processes.
+    """Return a pool with `count` processes.
 
-    They are spawned: one that has had threads, as the compiler's, must not be forked. However this process dies, they
-    end, instead of computing for nobody.
+    They are spawned, as a process that has had threads, such as the compiler's, must not be forked. However this
+    process dies, they end and do not go on computing.
     """
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor

@@ -1,4 +1,4 @@
-"""Who is told of a vehicle's messages, whichever library carries them."""
+"""Pass a vehicle's messages to listeners, whichever library carries them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from executor.core.interface.messages import Message
 
 
 class Listeners:
-    """Hands a vehicle's messages to everybody who listens."""
+    """Listeners to a vehicle's messages."""
 
     def __init__(self) -> None:
         self._listeners: list[Callable[[Message], None]] = []
 
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
-        """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
+        """Call `listener` with every further message of the vehicle; return a function that stops it."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
     def hear(self, message: Message) -> None:
-        """Hand a message on, be it one that did not come over this link and is about its vehicle."""
+        """Pass a message to the listeners, even one about the vehicle that came over another link."""
         for listener in tuple(self._listeners):
             listener(message)

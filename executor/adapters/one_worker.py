@@ -17,16 +17,16 @@ SPAWNED = multiprocessing.get_context("spawn")
 
 
 class OneWorker:
-    """One process, made when it is first asked, and anew after `release` or `kill`."""
+    """One process, started on first use, and again after `release` or `kill`."""
 
     def __init__(self, prepare: Callable[..., None], *shared: object) -> None:
-        """Say what the process calls first, with what it shares: nothing with a lock, which a killed one would keep."""
+        """Set what the process calls first, and its shared data: no locks, as a killed process would keep them."""
         self._prepare, self._shared = prepare, shared
         self._pool: ProcessPoolExecutor | None = None
         self._processes: set[BaseProcess] = set()
 
     def submit(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
-        """Hand over some work."""
+        """Submit a task."""
         with defer_ctrl_c():  # the first task of a pool starts its process
             before = set(multiprocessing.active_children())
             if self._pool is None:
@@ -38,16 +38,16 @@ class OneWorker:
             return submitted
 
     def kill(self) -> None:
-        """End the process at once: it may hang, and would keep the program from ending. What waits there is told."""
+        """End the process at once: it may hang, and would keep the program from ending. Waiting tasks get an error."""
         for process in self._release(cancel=False):
             process.kill()
 
     def end(self) -> int:
-        """End the process, as politely as it allows, and wait for that; returns how many had to be killed."""
+        """End the process, as politely as it allows, and wait for that; return how many had to be killed."""
         return end_processes(self._release(cancel=True))
 
     def _release(self, *, cancel: bool) -> set[BaseProcess]:
-        """Have the next work done by a new process; returns those there were, which end when they have time."""
+        """Let a new process do the next task; return the old ones, which end when idle."""
         processes, self._processes = self._processes, set()
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=cancel)

@@ -21,7 +21,7 @@ from missions.files import write_document
 
 
 class _File:
-    """A file of a run directory, which always has the same name."""
+    """A file of a run directory with a fixed name."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -32,7 +32,7 @@ class _File:
 
 @dataclass(frozen=True, slots=True)
 class RunDirectory:
-    """Where each file of one flight lies; which of them are there depends on how far it came."""
+    """Paths of one flight's files; which of them exist depends on how far the flight got."""
 
     path: Path
 
@@ -61,7 +61,7 @@ class RunDirectory:
     terrain = _File("terrain.npz")
     """Terrain below the flight; absent without terrain data."""
     next_sortie = _File("next-sortie.json")
-    """Plan for what was left over."""
+    """Plan for the segments left over."""
     day_plan = _File("day-plan.json")
     """Day plan; absent for a single flight."""
     packs = _File("packs.json")
@@ -83,30 +83,30 @@ class RunDirectory:
 
     @property
     def checkpoints(self) -> tuple[Path, Path]:
-        """Return the last two checkpoints: while one is written, the other is whole."""
+        """Return the last two checkpoints; while one is written, the other is whole."""
         return self.path / "checkpoint-a.jsonl", self.path / "checkpoint-b.jsonl"
 
     def plan_path(self, revision: int) -> Path:
-        """Return a plan: the first is 0, every re-plan one more."""
+        """Return the path of a plan: the first is 0, each re-plan adds one."""
         return self.path / f"plan-{revision:03d}.json"
 
     def telemetry_path(self, vehicle: str, link: int = 1) -> Path:
-        """Return the telemetry log of a vehicle's first, second ... link; a long one has further parts beside it."""
+        """Return the telemetry log of a vehicle's first, second ... link; a long one has further parts next to it."""
         return self.path / (f"{vehicle}.tlog" if link == 1 else f"{vehicle}.link{link}.tlog")
 
 
 def name_run(runs: Path) -> Path:
-    """Return a dated directory that is not there yet."""
+    """Return a dated directory that does not exist yet."""
     begun = f"{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     names = (begun if number == 1 else f"{begun}-{number}" for number in count(1))
     return next(runs / name for name in names if not (runs / name).exists())
 
 
 def create_run_directory(wanted: Path | None) -> Path:
-    """Make the directory of a run; by default a dated one under runs/ in the working directory.
+    """Create the directory of a run; by default a dated one under runs/ in the working directory.
 
     Raises:
-        LogError: it holds a run already, or cannot be made; or nothing can be flown here.
+        LogError: It holds a run already, or cannot be created; or this system cannot fly.
     """
     path = wanted if wanted is not None else name_run(Path("runs"))
     check_can_fly(path)
@@ -120,18 +120,18 @@ def create_run_directory(wanted: Path | None) -> Path:
 
 
 def today() -> str:
-    """Return the date here, as files have it."""
+    """Return the local date, as used in file names."""
     return f"{datetime.now().astimezone():%Y-%m-%d}"
 
 
 def check_can_fly(named: Path) -> None:
-    """Check that this system can hold a run directory for one process, without which nothing is flown.
+    """Check that this system can lock a run directory for one process; a flight needs that.
 
     Args:
-        named: The file or directory that the refusal names.
+        named: File or directory to name in the error.
 
     Raises:
-        LogError: it cannot.
+        LogError: It cannot.
     """
     if sys.platform == "win32":
         raise LogError(
@@ -142,12 +142,12 @@ def check_can_fly(named: Path) -> None:
 
 @contextmanager
 def lock_run_directory(path: Path) -> Iterator[None]:
-    """Hold a run directory: of all processes on this computer one flies it.
+    """Lock a run directory, so that only one process on this computer flies it.
 
     The lock is the system's, and ends with the process however it dies; a copy of the directory is not locked.
 
     Raises:
-        LogError: another process holds it, or the system has no such locks: nothing is flown there.
+        LogError: Another process holds it, or the system lacks file locks, without which flights are refused.
     """
     check_can_fly(path)
     with hold_lock(RunDirectory(path).lock, f"{path}: another faultline flies this directory already"):
@@ -156,15 +156,15 @@ def lock_run_directory(path: Path) -> Iterator[None]:
 
 @contextmanager
 def hold_lock(path: Path, taken: str) -> Iterator[None]:
-    """Hold a file that one process holds at a time.
+    """Lock a file that one process holds at a time.
 
     Args:
-        path: The file; it is made where it is missing.
-        taken: What to say where another process holds it; which one is added.
+        path: The file; it is created if missing.
+        taken: Error text if another process holds it; that process is added.
 
     Raises:
-        LogError: another process holds it.
-        ImportError: the system has no such locks.
+        LogError: Another process holds it.
+        ImportError: The system lacks file locks.
     """
     if sys.platform == "win32":
         raise ImportError("fcntl")
@@ -191,42 +191,42 @@ YesNo = Annotated[bool, Field(strict=True)]
 
 
 class Document(BaseModel):
-    """A JSON object; keys that it does not know, of a later version, are passed over."""
+    """A JSON object; unknown keys, of a later version, are ignored."""
 
     model_config = ConfigDict(frozen=True)
 
     expected: ClassVar[str]
-    """What a file of it is, in words, where one is read."""
+    """Description of the file in words, for errors on reading."""
 
     @classmethod
     def build_from(cls, source: object, **more: object) -> Self:
-        """Return the document of a value.
+        """Build the document from a value.
 
         Args:
-            source: What it has under the names of this document is taken as it is.
-            more: What it does not have, or has in another form.
+            source: Its attributes with the names of this document's fields are copied.
+            more: Fields that it lacks, or has in another form.
         """
         same = {name: getattr(source, name) for name in cls.model_fields if name not in more and hasattr(source, name)}
         return cls.model_validate({**same, **more})
 
     def to_plain(self) -> dict[str, object]:
-        """Return it as JSON has it."""
+        """Return the document as plain JSON data."""
         return self.model_dump(mode="json")
 
     def write(self, path: Path) -> None:
-        """Write it, whole or not at all.
+        """Write the document, whole or not at all.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: It cannot be written.
         """
         write_document(path, self.to_plain())
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read it from its file.
+        """Read the document from its file.
 
         Raises:
-            LogError: one line that names the file, the key and what was expected.
+            LogError: One line that names the file, the key and what was expected.
         """
         try:
             return cls.model_validate_json(path.read_bytes())

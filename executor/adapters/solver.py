@@ -1,4 +1,4 @@
-"""The planner in a process of its own: compiled before anything flies, with a deadline, and to be cancelled."""
+"""The planner in a separate process: compiled before take-off, with a deadline, and cancellable."""
 
 from __future__ import annotations
 
@@ -19,25 +19,26 @@ from executor.core.interface.events import Gain, NewRoute, SolveEnded
 from missions import Pricing, Task, build_open_task
 
 GIVE_UP_S = 10.0
-"""Real seconds beyond its deadline after which a solver that says nothing is taken for dead."""
+"""Real seconds beyond its deadline after which a silent solver counts as dead."""
 START_S = 120.0
-"""Real seconds that a worker may take to be there: it loads the kernels, perhaps on a computer with much else to do."""
+"""Real seconds for a worker to start: it loads the kernels, possibly on a busy computer."""
 SETTLED = 4000
-"""Iterations without an improvement after which a re-plan is good enough: every second is flown meanwhile."""
+"""Iterations without an improvement after which a re-plan is good enough, as vehicles fly on meanwhile."""
 
 
 JUDGE_S = 0.4
-"""Real seconds for the question what a loss would mean."""
+"""Real seconds to compute the effect of a loss."""
 JUDGE_SETTLED = 1000
 
 
 REPLAN_COST = planner.Cost.MINMAX
-"""Everybody should be home soon: a sum would leave the whole rest to one vehicle as long as its battery lasts."""
+"""Cost of re-plans: all vehicles should land soon; a sum would leave the whole rest to one vehicle until its battery is
+empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolverSetup:
-    """What the worker must know before its first problem."""
+    """Data that the worker needs before its first problem."""
 
     limit_s: float
     """Real seconds for one re-plan."""
@@ -52,7 +53,7 @@ def _prepare(setup: SolverSetup, cancelled: c_longlong, wanted: c_longlong) -> N
     _worker = (setup, cancelled, wanted)
     end_with_parent()
     logging.basicConfig(format="%(message)s")
-    logging.getLogger("planner").setLevel(logging.INFO)  # it says that it compiles
+    logging.getLogger("planner").setLevel(logging.INFO)  # it reports when it compiles
     planner.warm_up()
 
 
@@ -80,15 +81,15 @@ def solve_for_survivors(
     limit_s: float | None = None,
     settled: int = SETTLED,
 ) -> SolveEnded:
-    """Plan the open segments for the survivors; this runs in the worker.
+    """Plan the open segments for the survivors; runs in the worker.
 
     Args:
-        setup: What the worker knows.
-        problem: Who can take over what.
-        pricing: Of the whole network.
-        cancelled: Whether the answer is of no use any more.
+        setup: Data of the worker.
+        problem: The survivors and the segments that they can take over.
+        pricing: Pricing of the whole network.
+        cancelled: Whether the answer is no longer needed.
         limit_s: Real seconds; by default the setup's.
-        settled: Iterations without an improvement that are enough.
+        settled: Iterations without an improvement after which to stop.
     """
     task, tails = build_replan_task(pricing, problem)
     spare = {segment for segment, number in enumerate(task.segment_ids) if number in problem.left_over}
@@ -100,7 +101,7 @@ def solve_for_survivors(
     )
     try:
         own, own_tails = task, tails
-        if spare:  # what is to spare must not take a part in what is not
+        if spare:  # left-over segments must not displace the others
             own = build_open_task(apply_pace(pricing, problem), problem.open_segments, task.instance.vehicles)
             own_tails = [own.from_network(_select_task_visits(own, task.to_network(tail))) for tail in tails]
         warm = planner.warm_start(own.instance, own_tails)
@@ -126,7 +127,7 @@ def solve_for_survivors(
 
 
 def build_replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int, ...]]]:
-    """Return what is to be planned, and what of it each survivor has on board."""
+    """Return the task to plan, and each survivor's on-board part of it."""
     vehicles = [
         planner.Vehicle(
             offer.vehicle,
@@ -150,7 +151,7 @@ def build_replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tupl
 
 
 def apply_pace(pricing: Pricing, problem: Solve) -> Pricing:
-    """Return what flights take with what the survivors have shown of their pace, and cannot be given."""
+    """Return the pricing with the survivors' measured pace and barred segments."""
     shown = {offer.vehicle: offer.pace for offer in problem.survivors}
     models = {
         name: replace(model, pace=model.pace.combine(shown[name])) if name in shown else model
@@ -177,15 +178,15 @@ def _compute_gain(
 
 
 def _select_task_visits(task: Task, visits: Sequence[int]) -> tuple[int, ...]:
-    """Return those of the network's visits that a problem is about."""
+    """Return the network's visits that belong to a problem."""
     known = set(task.segment_ids)
     return tuple(visit for visit in visits if planner.segment_of(visit) in known)
 
 
 def _remove_duplicates(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Return what each survivor carries without what another carries too.
+    """Return each survivor's on-board visits without those that another one carries too.
 
-    A vehicle that comes back from its pilot still has the work on board that others were given meanwhile.
+    A vehicle back from its pilot still has segments on board that were given to others meanwhile.
     """
     taken: set[int] = set()
     once = []
@@ -197,24 +198,24 @@ def _remove_duplicates(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]
 
 
 class SolverProcess:
-    """One worker; it is made anew if it dies."""
+    """One worker process; it is restarted if it dies."""
 
     def __init__(self, setup: SolverSetup, tell: Callable[[str], None] = lambda _: None) -> None:
-        """Describe the worker; entering makes it.
+        """Set up the worker; entering the context starts it.
 
         Args:
-            setup: What it knows.
+            setup: Data of the worker.
             tell: Called with a line for the crew when a worker had to be killed.
         """
         self._setup = setup
         self._tell = tell
-        # Without locks: a worker that is killed while it holds one would keep it, and the flight would wait for it.
+        # No locks: a worker killed while it holds one would keep it, and the flight would wait for it.
         self._cancelled: c_longlong = SPAWNED.RawValue("q", -1)
         self._wanted: c_longlong = SPAWNED.RawValue("q", 0)
-        """How many re-plans are asked for: a judgement gives way to them."""
+        """Number of re-plans requested; a judgement gives way to them."""
         self._worker = OneWorker(_prepare, setup, self._cancelled, self._wanted)
         self._warm = False
-        """Whether the worker has answered; one that was made anew must load the kernels first."""
+        """Whether the worker has answered; a restarted one must load the kernels first."""
 
     async def __aenter__(self) -> Self:
         """Start the worker and wait until everything is compiled."""
@@ -224,13 +225,13 @@ class SolverProcess:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the worker, and see that it has ended: what hangs is killed."""
+        """End the worker, and kill it if it hangs."""
         self._cancelled.value = 2**62
         if await asyncio.to_thread(self._worker.end):
             self._tell("the solver did not end when it was told to, and was killed")
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
-        """Return the best routes found within the limit; without routes if the worker died or was cancelled."""
+        """Return the best routes found within the limit; no routes if the worker died or was cancelled."""
         self._wanted.value += 1
         try:
             if not self._warm:
@@ -248,29 +249,30 @@ class SolverProcess:
             self._wanted.value -= 1
 
     async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
-        """Return the segments that a re-plan would leave over; None if one that is needed came, or the worker died."""
+        """Return the segments that a re-plan would leave over; None if a real re-plan came first or the worker died."""
         if self._wanted.value > 0:
             return None
         try:
             async with asyncio.timeout(JUDGE_S + GIVE_UP_S):
                 ended = await asyncio.wrap_future(self._worker.submit(_solve_in_worker, problem, pricing, judging=True))
         except (BrokenProcessPool, TimeoutError):
-            return None  # the next re-plan finds out, and makes the worker anew
+            return None  # the next re-plan finds out, and restarts the worker
         return None if ended.routes is None else ended.uncovered
 
     def cancel(self, revision: int) -> None:
-        """Make whatever works on this or an older revision stop at its next look."""
+        """Stop work on this or an older revision at its next check."""
         self._cancelled.value = max(self._cancelled.value, revision)
 
     async def _warm_up(self) -> None:
-        """Wait until the worker has loaded everything; compiling may take as long as it takes."""
+        """Wait until the worker has loaded everything; compiling has no time limit."""
         ready = self._worker.submit(_is_ready)
-        # A worker on its way takes what is shared from here: it must be there until then, whoever gives up before.
+        # A starting worker takes shared objects from here; they must exist until then, even if the caller gives up
+        # before.
         ready.add_done_callback(lambda _: self._cancelled)
         await asyncio.wrap_future(ready)
         self._warm = True
 
     def _kill_worker(self) -> None:
-        """End a worker that is of no use any more; the next problem is solved by another."""
+        """End an unusable worker; another one solves the next problem."""
         self._worker.kill()
         self._warm = False

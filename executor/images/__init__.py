@@ -1,1 +1,1 @@
-"""The index of a flight's pictures, and the files of the cards that belong to it."""
+"""Index of a flight's pictures, and matching of memory cards' files to it."""

@@ -1,6 +1,6 @@
-"""The index of a flight's pictures: every picture that is known, and what every asset asked for.
+"""Index of a flight's pictures: every known picture, and every asset's requirements.
 
-As files it is images.csv, images.geojson, and images.sqlite, which the files of the cards are matched to.
+Its files are images.csv, images.geojson, and images.sqlite, to which the memory cards' files are matched.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ class ImageRow(Document):
     """One picture."""
 
     asset: str
-    """The span that it shows, by its name; empty where it shows none that asks for it."""
+    """Name of the span that it shows; empty if it shows none that requires it."""
     segment: int | None
     viewpoint: str
-    """Where along the span it was taken, from its first pylon; at a pylon of which of its viewpoints it is."""
+    """Distance along the span from its first pylon; at a pylon, which of its viewpoints."""
     vehicle: str
     camera: str
     sequence: int
     unix_s: float
-    """When, by the ground station's clock; in a simulation that runs faster, by the flight's own seconds."""
+    """Unix time by the ground station's clock; in a faster simulation, by the flight's own seconds."""
     camera_unix_s: float | None
-    """When, by the camera's own clock, where it said that."""
+    """Unix time by the camera's own clock, if reported."""
     lat_deg: float
     lon_deg: float
     alt_msl_m: float
@@ -50,35 +50,35 @@ class ImageRow(Document):
     yaw_deg: float | None
     speed_m_s: float
     proof: str
-    """Which message says that it was taken."""
+    """Message that proves that it was taken."""
     file: str
-    """How the camera calls it, where it said that."""
+    """File name from the camera, if reported."""
     flaw: str
-    """Why it does not count; empty if it does."""
+    """Reason why it does not count; empty if it does."""
 
     @property
     def time_iso(self) -> str:
-        """Return when it was taken, as ISO 8601 in UTC."""
+        """Return the time of the picture as ISO 8601 in UTC."""
         return datetime.fromtimestamp(self.unix_s, UTC).isoformat(timespec="milliseconds")
 
 
 class AssetRow(Document):
-    """What one span asked of one camera, and what became of it."""
+    """One span's requirements for one camera, and the result."""
 
     asset: str
     segment: int
     camera: str
     take: str
-    """pictures, video, or how many viewpoints."""
+    """pictures, video, or the number of viewpoints."""
     every_m: float
     state: str
     """seen, not seen or not flown."""
     vehicle: str
-    """Who has seen it; empty if nobody has."""
+    """Vehicle that has seen it; empty if none has."""
     pictures: int
-    """How many count; at a pylon, how many viewpoints have one."""
+    """Number of pictures that count; at a pylon, of viewpoints with a picture."""
     missing: str
-    """What no picture shows, in words."""
+    """Parts without a picture, in words."""
     line: tuple[tuple[float, float], tuple[float, float]]
     """Latitude and longitude of both pylons."""
 
@@ -88,12 +88,12 @@ _ASSET = tuple(AssetRow.model_fields)
 
 
 def build_image_rows(context: Context, state: FleetState, began_unix_s: float) -> list[ImageRow]:
-    """Return all pictures of a flight, in the order of time.
+    """Return all pictures of a flight, in order of time.
 
     Args:
-        context: Of the flight.
-        state: At its end, or before.
-        began_unix_s: Seconds since 1970 at which its log's time is 0.
+        context: Context of the flight.
+        state: Its state, at the end or before.
+        began_unix_s: Unix time at which its log's time is 0.
     """
     rows = [
         _build_image_row(context, name, picture, began_unix_s)
@@ -122,7 +122,7 @@ def _describe_viewpoint(picture: Picture) -> str:
 
 
 def build_asset_rows(context: Context, state: FleetState) -> Iterator[AssetRow]:
-    """Yield what every span of this flight asked for, and what became of it."""
+    """Yield every span's requirements in this flight, and the result."""
     looks = context.setup.looks
     network, past = context.setup.network, state.coverage.not_seen
     for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
@@ -169,7 +169,7 @@ def write_index(run: Path, index: ImageIndex) -> None:
     """Write all three files, each whole or not at all.
 
     Raises:
-        OSError: one cannot be written.
+        OSError: A file cannot be written.
     """
     directory = RunDirectory(run)
     write_whole(directory.images_csv, format_csv(index.images).encode())
@@ -178,7 +178,7 @@ def write_index(run: Path, index: ImageIndex) -> None:
 
 
 def format_csv(images: Iterable[ImageRow]) -> str:
-    """Return the pictures as a table of text."""
+    """Return the pictures as CSV."""
     rows = ((row.time_iso, *(_round_value(*field) for field in row)) for row in images)
     return _format_table(("time", *_IMAGE), rows)
 
@@ -196,7 +196,7 @@ def _round_value(name: str, value: object) -> object:
 
 
 def build_geojson(index: ImageIndex) -> dict[str, object]:
-    """Return pictures as points and assets as lines."""
+    """Return the pictures as points and the assets as lines."""
     points = [
         _build_feature(
             "Point", [row.lon_deg, row.lat_deg, row.alt_msl_m], {"kind": "image", "time": row.time_iso, **dict(row)}
@@ -238,10 +238,10 @@ def _write_table(
 
 
 def read_index(run: Path) -> ImageIndex:
-    """Return the index of a run directory.
+    """Read the index of a run directory.
 
     Raises:
-        LogError: one line that names the file and what was expected.
+        LogError: One line that names the file and what was expected.
     """
     path = RunDirectory(run).images_sqlite
     if not path.is_file():
@@ -260,11 +260,11 @@ def read_index(run: Path) -> ImageIndex:
 
 
 def write_file_matches(run: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]]) -> None:
-    """Keep which file belongs to which picture, as the table ``file`` beside the others, and in images-files.csv.
+    """Write the matches of files to pictures, as the table ``file`` in the database, and to images-files.csv.
 
     Raises:
-        OSError: they cannot be written.
-        LogError: the index is no database any more.
+        OSError: They cannot be written.
+        LogError: The index is no longer a valid database.
     """
     write_whole(RunDirectory(run).images_files, _format_table(columns, rows).encode())
     path = RunDirectory(run).images_sqlite

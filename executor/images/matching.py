@@ -1,12 +1,12 @@
-"""From a folder of files to an index: which file is which picture; what is missing, doubled, blurred, badly aimed.
+"""Match a folder of files to an index: each file's picture, and missing, duplicate, blurred or badly aimed pictures.
 
-What a picture's file says of itself, and how it is told where it was taken, stands here as well: the only reader and
-writer of such files. And the pages for the customer that are made of it.
+This is the only module that reads and writes the pictures' metadata, such as their position; it also writes the
+customer's pages.
 
-A file is a picture by time, with the offset of a camera's clock found from the times themselves, and place. A card's
-files and a camera's pictures are two rows of times that differ by one offset: by minutes where a clock is wrong, by
-hours where it stands in another zone. At the right offset most of them fall together, for the pauses between spans are
-as irregular as the line. Where files know their place, only pairs that are near each other count.
+A file is matched to a picture by time and position, after estimating the camera clock's offset from the times
+themselves. A card's files and a camera's pictures are two series of times that differ by one offset: minutes for a
+wrong clock, hours for another time zone. At the right offset most of them coincide, as the pauses between spans are as
+irregular as the line. If files hold positions, only pairs near each other count.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ MAKE, MODEL, ORIGINAL, SUBSECOND, OFFSET, EXPOSURE, SERIAL = 271, 272, 36867, 37
 APP1, START_OF_SCAN = 0xE1, 0xDA
 EXIF_HEAD = b"Exif\0\0"
 TOLERANCE_S = 1.0
-"""A camera's clock may show whole seconds, and writes after it has taken."""
+"""Most seconds between the times of a pair: a camera may record whole seconds, and writes after the exposure."""
 NEAR_M = 30.0
-"""Of two fixes, each by its own receiver."""
+"""Most metres between two fixes, each from its own receiver."""
 FARTHEST_S = 14 * 3600.0 + 600.0
-"""The farthest time zones, and a clock that is ten minutes wrong."""
+"""Largest offset: the farthest time zones, and a clock that is ten minutes wrong."""
 ZONE_S, WRONG_S, ZONE_DOUBT = 900.0, 450.0, 0.1
-"""Zones differ by quarters of an hour; the farther a clock is from one, by so much less it is believed."""
+"""Time zones differ by quarters of an hour; the farther a clock is from one, the lower its score."""
 BIN_S = 0.5
 MOST_PAIRS = 4_000_000
-"""More are thinned out before an offset is looked for."""
+"""Most pairs when searching for an offset; more are thinned out."""
 BLUR_M = 0.02
-"""A picture that moved by more of the line while it was exposed is blurred."""
+"""Motion on the line during the exposure from which a picture counts as blurred."""
 Key = tuple[str, str]
 """A vehicle and its camera."""
 THUMBNAIL_PX = (320, 240)
 QUALITY = 70
 MOST = 60
-"""Thumbnails of one asset; all of its pictures are in the table."""
+"""Most thumbnails of one asset; the table lists all its pictures."""
 SMALL_PX = (160, 120)
 MOST_SMALL = 4
-"""Small thumbnails of one asset in report.html."""
+"""Most small thumbnails of one asset in report.html."""
 MOST_SMALL_BYTES = 9_000_000
-"""Of them all: a report is sent by mail, in which they take a third more."""
+"""Most bytes of all small thumbnails: reports are sent by e-mail, which adds a third."""
 BEGIN, END = "<!-- pictures -->", "<!-- end of pictures -->"
-"""About what is put into report.html."""
+"""Markers around the pictures in report.html."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,23 +66,23 @@ class PictureFile:
 
     path: Path
     taken_s: float | None
-    """Seconds since 1970 by the camera's clock; as if it stood at UTC where it does not say its zone."""
+    """Unix time by the camera's clock, taken as UTC if the file names no time zone."""
     lat_deg: float | None
     lon_deg: float | None
     camera: str
-    """Make, model and serial number, as far as it says them."""
+    """Make, model and serial number, as far as known."""
     exposure_s: float | None
     digest: str
-    """Of its content: a copy has the same."""
+    """Digest of its content: the same for a copy."""
     unreadable: str = ""
-    """Why nothing could be read of it."""
+    """Reason why it cannot be read; empty if it can."""
 
 
 def find_picture_files(folder: Path) -> Iterator[PictureFile]:
-    """Yield all pictures below a folder, in the order of their names.
+    """Yield all pictures below a folder, sorted by name.
 
     Raises:
-        OSError: the folder cannot be read.
+        OSError: The folder cannot be read.
     """
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() in SUFFIXES and path.is_file():
@@ -90,7 +90,7 @@ def find_picture_files(folder: Path) -> Iterator[PictureFile]:
 
 
 def read_picture(path: Path) -> PictureFile:
-    """Return what a file says; whatever is wrong with it is said, and nothing is raised."""
+    """Return a file's metadata; errors are noted in it, and nothing is raised."""
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -112,7 +112,7 @@ def read_picture(path: Path) -> PictureFile:
 def _read_time(details: dict[int, object]) -> float | None:
     text = str(details.get(ORIGINAL) or "").strip("\0 ")
     try:
-        local = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 - its zone stands elsewhere, if anywhere
+        local = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 - its time zone is elsewhere, if anywhere
     except ValueError:
         return None
     fraction = re.sub(r"\D", "", str(details.get(SUBSECOND) or ""))
@@ -126,7 +126,7 @@ def _read_time(details: dict[int, object]) -> float | None:
 
 def _to_number(value: object) -> float | None:
     try:
-        number = float(value)  # type: ignore[arg-type]  # whatever a file holds
+        number = float(value)  # type: ignore[arg-type]  # the file may hold anything
     except (TypeError, ValueError, ZeroDivisionError):
         return None
     return number if math.isfinite(number) else None
@@ -145,7 +145,7 @@ def _read_degrees(gps: dict[int, object], place: int, side: int, negative: str) 
 
 
 def build_gps_tags(lat_deg: float, lon_deg: float, alt_m: float) -> dict[int, object]:
-    """Return a place as EXIF has it."""
+    """Return a position as EXIF tags."""
     return {
         0: b"\2\3\0\0",
         1: "N" if lat_deg >= 0 else "S",
@@ -163,10 +163,10 @@ def _to_sexagesimal(angle_deg: float) -> tuple[float, float, float]:
 
 
 def write_place_exif(path: Path, lat_deg: float, lon_deg: float, alt_m: float) -> None:
-    """Write where a picture was taken into its file; not a pixel of it is touched.
+    """Write the position of a picture into its file, without changing any pixel.
 
     Raises:
-        OSError: it is no JPEG, or cannot be written.
+        OSError: It is no JPEG, or cannot be written.
     """
     from PIL import Image
 
@@ -174,17 +174,17 @@ def write_place_exif(path: Path, lat_deg: float, lon_deg: float, alt_m: float) -
         if image.format != "JPEG":
             raise OSError(f"{path}: expected a JPEG")
         exif = image.getexif()
-        exif.get_ifd(DETAILS)  # it is written again with what it holds
+        exif.get_ifd(DETAILS)  # keep its content when it is written again
         exif.get_ifd(GPS).update(build_gps_tags(lat_deg, lon_deg, alt_m))
         block = exif.tobytes()
     write_whole(path, replace_exif(path.read_bytes(), block))
 
 
 def replace_exif(jpeg: bytes, block: bytes) -> bytes:
-    """Return a JPEG with another EXIF block, all else as it was.
+    """Return a JPEG with another EXIF block, otherwise unchanged.
 
     Raises:
-        OSError: it is no JPEG.
+        OSError: It is no JPEG.
     """
     if jpeg[:2] != b"\xff\xd8":
         raise OSError("expected a JPEG")
@@ -201,10 +201,10 @@ def replace_exif(jpeg: bytes, block: bytes) -> bytes:
 
 
 def write_place_xmp(path: Path, lat_deg: float, lon_deg: float, alt_m: float) -> Path:
-    """Write where a picture was taken into a file of its own beside it, which programs for pictures read.
+    """Write the position of a picture into a separate XMP file next to it, which photo software reads.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: It cannot be written.
     """
     beside = path.with_suffix(".xmp")
     content = render_template(
@@ -222,27 +222,27 @@ def _format_minutes(angle_deg: float, sides: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class PlacedTimes:
-    """Times in ascending order, with places where they are known."""
+    """Times in ascending order, with positions if known."""
 
     times_s: FloatArray
     places_m: FloatArray
-    """(n, 2) float64, NaN where it is not known."""
+    """(n, 2) float64, NaN if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockOffset:
-    """How a card's clock differs."""
+    """Offset of a card's clock."""
 
     ahead_s: float
-    """By how much it is ahead."""
+    """Seconds by which it is ahead."""
     pairs: int
-    """How many of its files fall together with pictures then."""
+    """Number of its files that then coincide with pictures."""
     score: float
-    """How well they do: two cameras that fly alike have as many pairs, but not as near ones."""
+    """Quality of the pairs: two cameras that fly alike have as many, but not as close ones."""
 
 
 def build_placed_times(frame: LocalFrame, rows: list[tuple[float, float | None, float | None]]) -> PlacedTimes:
-    """Return times with their places, from times, latitudes and longitudes."""
+    """Return times with positions, from times, latitudes and longitudes."""
     places = [
         (np.nan, np.nan) if lat_deg is None or lon_deg is None else frame.to_local_m(lat_deg, lon_deg)
         for _, lat_deg, lon_deg in rows
@@ -252,7 +252,7 @@ def build_placed_times(frame: LocalFrame, rows: list[tuple[float, float | None, 
 
 
 def find_clock_offset(card: PlacedTimes, pictures: PlacedTimes) -> ClockOffset | None:
-    """Return the offset at which most files fall together with pictures; None where none do."""
+    """Return the offset at which most files coincide with pictures; None if none do."""
     apart_s = _compute_differences_s(card, pictures)
     apart_s = apart_s[np.abs(apart_s) <= FARTHEST_S]
     if not len(apart_s):
@@ -270,7 +270,7 @@ def find_clock_offset(card: PlacedTimes, pictures: PlacedTimes) -> ClockOffset |
 
 
 def _compute_differences_s(card: PlacedTimes, pictures: PlacedTimes) -> FloatArray:
-    """Return by how much the time of each file is after that of each picture, of pairs that may be the same."""
+    """Return the time of each file minus that of each picture, for possible pairs."""
     thin = max(1, int(np.ceil(len(card.times_s) * len(pictures.times_s) / MOST_PAIRS)))
     times_s, places_m = card.times_s[::thin], card.places_m[::thin]
     apart_s = times_s[:, np.newaxis] - pictures.times_s
@@ -279,7 +279,7 @@ def _compute_differences_s(card: PlacedTimes, pictures: PlacedTimes) -> FloatArr
 
 
 def match_times(card: PlacedTimes, pictures: PlacedTimes, ahead_s: float) -> list[tuple[int, int]]:
-    """Return (file, picture) of all that fall together, each at most once, the nearest in time first."""
+    """Return all coinciding (file, picture) pairs, each file and picture at most once, closest in time first."""
     times_s = card.times_s - ahead_s
     candidates: list[tuple[float, int, int]] = []
     for file, at_s in enumerate(times_s):
@@ -302,28 +302,28 @@ def match_times(card: PlacedTimes, pictures: PlacedTimes, ahead_s: float) -> lis
 
 @dataclass(frozen=True, slots=True)
 class FileMatch:
-    """A file and the picture that it is."""
+    """A file and its picture."""
 
     file: PictureFile
     image: ImageRow
     ahead_s: float
-    """By how much the clock of its camera is ahead."""
+    """Seconds by which the camera's clock is ahead."""
 
 
 @dataclass(frozen=True, slots=True)
 class MemoryCard:
-    """Files that one camera wrote."""
+    """Files written by one camera."""
 
     name: str
     files: tuple[PictureFile, ...]
     key: Key | None = None
-    """Whose they are; None where they fall together with nobody's pictures."""
+    """Vehicle and camera of the files; None if they coincide with no camera's pictures."""
     offset: ClockOffset | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Matching:
-    """What a folder holds of an index."""
+    """Matches of a folder with an index."""
 
     matches: tuple[FileMatch, ...]
     cards: tuple[MemoryCard, ...]
@@ -338,11 +338,11 @@ class Matching:
     misaimed: tuple[ImageRow, ...] = ()
     """Pictures that do not count, with their flaws."""
     unseen: tuple[AssetRow, ...] = field(default=())
-    """Assets of which something is not shown."""
+    """Assets with missing pictures."""
 
     @property
     def is_complete(self) -> bool:
-        """Return whether every picture has a file, and everything was seen."""
+        """Return whether every picture has a file, and every asset was seen."""
         return not self.missing and not self.unseen
 
 
@@ -393,7 +393,7 @@ def _remove_duplicates(files: Sequence[PictureFile]) -> tuple[list[PictureFile],
 
 
 def _group_by_card(files: Sequence[PictureFile], folder: Path) -> list[MemoryCard]:
-    """Return the files by what wrote them: a folder's, of one make and number."""
+    """Return the files grouped by camera: one folder, make and serial number."""
     groups: dict[tuple[Path, str], list[PictureFile]] = {}
     for file in files:
         groups.setdefault((file.path.parent, file.camera), []).append(file)
@@ -411,7 +411,7 @@ def _frame_of(index: ImageIndex) -> LocalFrame:
 
 
 def _select_timed(card: MemoryCard, frame: LocalFrame) -> tuple[list[PictureFile], PlacedTimes]:
-    """Return the files of a card that know their time, in its order, and when and where they were taken."""
+    """Return a card's files with a known time, in order, with their times and positions."""
     known = [(file.taken_s, file) for file in card.files if file.taken_s is not None]
     known.sort(key=lambda pair: pair[0])
     times = build_placed_times(frame, [(taken_s, file.lat_deg, file.lon_deg) for taken_s, file in known])
@@ -419,7 +419,7 @@ def _select_timed(card: MemoryCard, frame: LocalFrame) -> tuple[list[PictureFile
 
 
 def _assign_owners(cards: list[MemoryCard], pictures: dict[Key, PlacedTimes], frame: LocalFrame) -> list[MemoryCard]:
-    """Return whose each card is: of all pairs, those that fall together best come first.
+    """Assign each card to a camera, the best match first.
 
     A camera may have filled several cards; a card has pictures of one camera.
     """
@@ -428,7 +428,7 @@ def _assign_owners(cards: list[MemoryCard], pictures: dict[Key, PlacedTimes], fr
         _, files = _select_timed(card, frame)
         for key, own in pictures.items():
             found = find_clock_offset(files, own) if len(files.times_s) else None
-            # Any two rows of times have some pairs at some offset.
+            # Any two series of times have some pairs at some offset.
             needed = max(1, min(len(files.times_s), len(own.times_s)) // 2)
             if found is not None and found.pairs >= needed:
                 tried.append((found.score, number, key, found))
@@ -451,17 +451,17 @@ def _is_blurred(match: FileMatch) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ShownAsset:
-    """What pages show of an asset."""
+    """An asset's data on pages."""
 
     name: str
     rows: tuple[AssetRow, ...]
-    """What was asked of it."""
+    """Its requirements."""
     taken: int
-    """How many pictures show it."""
+    """Number of pictures that show it."""
     matches: tuple[FileMatch, ...]
-    """Those of them that have a file."""
+    """Those pictures that have a file."""
     lacking: tuple[str, ...]
-    """What is missing, in words."""
+    """Missing parts, in words."""
 
     def make_thumbnails(self, most: int, size_px: tuple[int, int]) -> list[tuple[FileMatch, bytes | None]]:
         """Return its first pictures, each with its thumbnail."""
@@ -469,13 +469,13 @@ class ShownAsset:
 
 
 def write_assets_page(path: Path, index: ImageIndex, found: Matching) -> None:
-    """Write assets.html: a page for each asset with its pictures, what was asked of it, and what is missing.
+    """Write assets.html: a page for each asset with its pictures, its requirements, and missing pictures.
 
-    It is for the customer, and needs no network, no script and no other file: the thumbnails are inside. A file that no
-    thumbnail can be made of is named without one. On paper each asset begins a new page.
+    It is for the customer, and needs no network, script or other file, as thumbnails are embedded. Files without a
+    thumbnail are listed by name. In print each asset begins a new page.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: It cannot be written.
     """
     assets = list_shown_assets(index, found)
     whole = sum(all(row.state == "seen" for row in asset.rows) for asset in assets)
@@ -490,10 +490,10 @@ def write_assets_page(path: Path, index: ImageIndex, found: Matching) -> None:
 
 
 def add_pictures_to_report(path: Path, index: ImageIndex, found: Matching) -> None:
-    """Put small thumbnails of each asset at the end of a flight's report.html, in the place of older ones.
+    """Append small thumbnails of each asset to a flight's report.html, replacing older ones.
 
     Raises:
-        OSError: it cannot be read or written.
+        OSError: It cannot be read or written.
     """
     if not path.is_file():
         return
@@ -513,7 +513,7 @@ def add_pictures_to_report(path: Path, index: ImageIndex, found: Matching) -> No
 
 
 def list_shown_assets(index: ImageIndex, found: Matching) -> list[ShownAsset]:
-    """Return what there is to show of each asset that asked for pictures."""
+    """Return the data of each asset that requires pictures."""
     return [_build_shown_asset(name, index, found) for name in dict.fromkeys(row.asset for row in index.assets)]
 
 
@@ -530,7 +530,7 @@ def _build_shown_asset(name: str, index: ImageIndex, found: Matching) -> ShownAs
 
 
 def make_thumbnail(path: Path, size_px: tuple[int, int]) -> bytes | None:
-    """Return a picture made small, as JPEG; None where it cannot be read."""
+    """Return a JPEG thumbnail of a picture; None if it cannot be read."""
     from PIL import Image
 
     try:

@@ -1,1 +1,1 @@
-"""Recorded flights through the watchpoints of the live flight, and what came of it."""
+"""Replay recorded flights through the live flight's watchpoints, and report the results."""

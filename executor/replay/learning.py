@@ -1,9 +1,9 @@
-"""`faultline replay --learn`: what an aircraft's own logs say of it, each figure with how sure it is.
+"""`faultline replay --learn`: estimate an aircraft's figures from its logs, each with its uncertainty.
 
-A flight is cut into blocks of some seconds. A block in which speed and climb hardly change is one observation of what
-level flight at its speed, or a climb, draws; resistance is from steps of the load between two reports; the rest is
-counted. A figure's deviation is the scatter of its observations, by flights where there are several, and never below
-what current sensors are good for.
+A flight is cut into blocks of some seconds. A block with nearly constant speed and climb is one observation of the
+power draw of level flight at that speed, or of a climb; resistance comes from load steps between two reports; the rest
+is counted. A figure's deviation is the scatter of its observations, between flights if there are several, and never
+below the accuracy of current sensors.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from missions.validation import format_first_error
 from planner import Drone, InstanceError, pct_per_s
 
 BLOCK_S, CLIMB_BLOCK_S = 6.0, 3.0
-"""Climbs are short."""
+"""Seconds of a block of level flight, and of a climb, which is short."""
 LEAST_REPORTS = 3
 HIGH_M = 1.5
-"""Lower it may stand on the ground."""
+"""Least height of samples; below, the vehicle may stand on the ground."""
 LEVEL_M_S, CLIMBS_M_S, STEADY_M_S = 0.3, 0.5, 1.5
-"""Level flight, a climb, and how much speed or climb may change within a block."""
+"""Most climb of level flight, least climb of a climb, and most change of speed or climb within a block."""
 BIN_M_S, FIRST_BIN_M_S = 2.0, 0.5
 HOVER_M_S = 0.7
 FEWEST = 4
-"""Observations that a figure needs."""
+"""Least number of observations for a figure."""
 SENSOR_SHARE = 0.01
-"""No current is known better than that, however often it is read."""
+"""Least relative deviation of a current, however often it is read."""
 STEP_SHARE = 0.15
-"""A step of the load from which the resistance is seen, as a share of the current: less is the sensor's noise."""
+"""Least load step for the resistance, as a share of the current: smaller steps are sensor noise."""
 STEP_S = 3.0
 STALE_S = 4.0
 COUNTED_PCT = 5.0
 ROUNDED_PCT = 0.41
-"""Deviation of the difference of two percentages that are whole."""
+"""Deviation of the difference of two percentages rounded to integers."""
 BEFORE_S, AFTER_S = 3.5, 1.0
 RESTS_S = 20
-"""After a flight the voltage still rises for so long at least."""
+"""Least seconds for which the voltage recovers after a flight."""
 FRAMES = 120
-"""A minute with fewer frames says nothing of the loss."""
+"""Least frames of a minute for its loss rate to count."""
 FULL_CELL_V, LEAST_CELL_V = 4.25, 3.3
 SWITCH_SETTINGS = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
 DIGITS = 4
@@ -68,51 +68,51 @@ HEAD = """\
 
 
 FLIGHT, AT_S, VOLTS, AMPERES, CONSUMED_AH, PERCENT, SPEED_M_S, CLIMB_M_S = range(8)
-"""Columns of a flight's reports, and of the means of some of them; NaN where nobody said it."""
+"""Columns of a flight's reports, and of the means of some of them; NaN if not reported."""
 
 
 @dataclass(slots=True)
 class AircraftNotes:
-    """What is noted of one system while its logs are read."""
+    """Notes on one system while its logs are read."""
 
     logs: int = 0
     flown_s: float = 0.0
     flights: list[list[tuple[float | None, ...]]] = field(default_factory=list)
-    """The reports of each, by their columns."""
+    """Reports of each flight, by column."""
     rests_v: list[float] = field(default_factory=list)
     settings: dict[str, float] = field(default_factory=dict)
     changes: int = 0
-    """Of mode."""
+    """Number of mode changes."""
     moved: Counter[int] = field(default_factory=Counter)
-    """How many of them a switch was moved before, by its channel."""
+    """Number of mode changes preceded by a moved switch, by its channel."""
     minutes: list[tuple[int, int]] = field(default_factory=list)
-    """Frames received and missing, of each minute."""
+    """Frames received and missing, for each minute."""
 
 
 @dataclass(slots=True)
 class _LogReading:
-    """One system in one log, message by message into its notes."""
+    """Collect the notes of one system in one log, message by message."""
 
     notes: AircraftNotes
     beat: messages.Heartbeat | None = None
-    """The last one; None until it is known to be a copter."""
+    """Last heartbeat; None until it is from a copter."""
     place: messages.Position | None = None
     placed_s: float = -math.inf
     flown_until_s: float | None = None
-    """When a position showed last that it flies."""
+    """Time at which a position last showed flight."""
     disarmed_s: float = -math.inf
     consumed_ah: float | None = None
     has_status: bool = False
-    """Whether SYS_STATUS reports its battery: beside it BATTERY_STATUS says what was used."""
+    """Whether SYS_STATUS reports the battery; BATTERY_STATUS then adds only the consumption."""
     evidence: ModeEvidence = field(default_factory=ModeEvidence)
     switched: list[tuple[float, int]] = field(default_factory=list)
-    """When a switch was moved, and its channel."""
+    """Times of moved switches, and their channels."""
     changed_s: list[float] = field(default_factory=list)
-    """When the mode changed."""
+    """Times of mode changes."""
     minutes: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def read_message(self, message: messages.FlightMessage, now_s: float) -> None:
-        """Take what the system says; until it is known to be a copter only its settings."""
+        """Take a message of the system; only its parameters until it is known to be a copter."""
         if self.beat is None and not isinstance(message, messages.Heartbeat | messages.VehicleSetting):
             return
         match message:
@@ -159,7 +159,7 @@ class _LogReading:
             self._add_report(said, now_s)
 
     def _read_transmitter(self, said: messages.VehicleSetting | messages.RcChannels, now_s: float) -> None:
-        """Note a setting, of which some say what its channels mean, or a switch that was moved."""
+        """Note a parameter, which may assign the transmitter's channels, or a moved switch."""
         known, self.evidence = self.evidence, record_evidence(self.evidence, said, now_s)
         if isinstance(said, messages.VehicleSetting):
             self.notes.settings[said.name] = said.value
@@ -170,7 +170,7 @@ class _LogReading:
         return self.beat is not None and self.beat.armed
 
     def _add_report(self, said: messages.Battery | messages.SystemStatus, now_s: float) -> None:
-        """Note what the battery says in the air, with how it flies, or at rest."""
+        """Note a battery report in the air, with the motion, or at rest."""
         if not self._is_armed():
             if said.voltage_v and now_s > self.disarmed_s + RESTS_S:
                 self.notes.rests_v.append(said.voltage_v)
@@ -187,7 +187,7 @@ class _LogReading:
         )  # fmt: skip
 
     def end_log(self) -> None:
-        """Note what shows only once the log has ended."""
+        """Note what is known only at the end of the log."""
         notes = self.notes
         notes.logs += self.beat is not None
         notes.changes += len(self.changed_s)
@@ -197,7 +197,7 @@ class _LogReading:
 
 
 def _integrate_charge(flight: FloatArray) -> FloatArray:
-    """Return reports with the charge that was used: by the counter, or else by the currents, added up."""
+    """Return reports with the consumed charge: from the counter, else from the integrated current."""
     if np.nan_to_num(flight[:, CONSUMED_AH]).any():
         return flight
     drawn_a, lasted_s = np.nan_to_num(flight[:-1, AMPERES]), np.minimum(STALE_S, np.diff(flight[:, AT_S]))
@@ -206,11 +206,11 @@ def _integrate_charge(flight: FloatArray) -> FloatArray:
 
 
 def read_aircraft_notes(paths: Sequence[Path]) -> dict[int, AircraftNotes]:
-    """Read logs, each once; returns what was noted, by system. Of many one that is no log costs nothing.
+    """Read each log once; return the notes by system. If there are several, files that are no logs are skipped.
 
     Raises:
-        ExtraMissing: there is a ULog, and nothing is installed to read it with.
-        LogError: the only log cannot be read.
+        ExtraMissing: A log is a ULog, and no reader for it is installed.
+        LogError: The only log cannot be read.
     """
     notes: dict[int, AircraftNotes] = {}
     for path in paths:
@@ -235,22 +235,22 @@ def _read_log(path: Path, notes: dict[int, AircraftNotes]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class LearnedAircraft:
-    """What logs say of one vehicle."""
+    """Figures of one vehicle from logs."""
 
     system: int
     others: tuple[int, ...]
-    """Systems that fly in the logs, too, and are left out."""
+    """Other systems that fly in the logs, left out."""
     table: LearnedTable
     cells: int | None
     told_capacity_ah: float | None
-    """By the autopilot's own parameter."""
+    """Capacity from the autopilot's parameter."""
 
 
 def learn_from_logs(paths: Sequence[Path]) -> LearnedAircraft:
-    """Return what logs say of the vehicle that flies most in them.
+    """Return the figures of the vehicle that flies most in the logs.
 
     Raises:
-        LogError: a log cannot be read, no vehicle flies in any, or what they say cannot be.
+        LogError: A log cannot be read, no vehicle flies in any, or the figures are impossible.
     """
     notes = read_aircraft_notes(paths)
     flown = sorted((one for one in notes if notes[one].flown_s), key=lambda system: -notes[system].flown_s)
@@ -263,7 +263,7 @@ def learn_from_logs(paths: Sequence[Path]) -> LearnedAircraft:
 
 
 def estimate_aircraft(system: int, notes: AircraftNotes, others: tuple[int, ...]) -> LearnedAircraft:
-    """Return what the notes of one vehicle say of it."""
+    """Return the figures from one vehicle's notes."""
     flights = [_integrate_charge(np.array(one, dtype=np.float64).reshape(-1, 8)) for one in notes.flights]
     blocks, climbs = (
         np.array([block for flight in flights for block in _average_blocks(flight, length_s)]).reshape(-1, 8)
@@ -290,13 +290,13 @@ def estimate_aircraft(system: int, notes: AircraftNotes, others: tuple[int, ...]
 
 
 def _average_blocks(flight: FloatArray, length_s: float) -> Iterator[FloatArray]:
-    """Cut a flight into blocks, and yield the means of those in which speed and climb hardly change."""
+    """Cut a flight into blocks, and yield the means of those with nearly constant speed and climb."""
     begin, times_s = 0, flight[:, AT_S]
     for number in range(1, len(flight)):
         if times_s[number] - times_s[begin] >= length_s:
             block, begin = flight[begin:number], number
             told, changes_m_s = (~np.isnan(block)).sum(axis=0), np.ptp(block[:, [SPEED_M_S, CLIMB_M_S]], axis=0)
-            if told[AMPERES] >= LEAST_REPORTS and (changes_m_s <= STEADY_M_S).all():  # nor where it is unknown
+            if told[AMPERES] >= LEAST_REPORTS and (changes_m_s <= STEADY_M_S).all():  # false if unknown (NaN)
                 with np.errstate(invalid="ignore"):
                     yield np.nansum(block, axis=0) / told
         elif times_s[number] - times_s[number - 1] > STALE_S:
@@ -308,12 +308,12 @@ def _build_figure(mean: float, sd: float, samples: int, least_share: float = 0.0
 
 
 def _compute_sd_of_mean(values: Sequence[float] | FloatArray) -> float:
-    """Return the deviation of a mean; 0 where there is no scatter to see it from."""
+    """Return the deviation of a mean; 0 without scatter."""
     return float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
 
 
 def _estimate_figure(values: FloatArray, flights: FloatArray) -> FigureTable | None:
-    """Return the mean of what blocks of flights say, with the deviation of that mean."""
+    """Return the mean over the flights' blocks, with its deviation."""
     if len(values) < FEWEST:
         return None
     # Flights differ by more than their blocks: wind, payload, pack.
@@ -337,7 +337,7 @@ def _estimate_level_flight(blocks: FloatArray, capacity_ah: float | None) -> tup
 
 
 def _estimate_climb(blocks: FloatArray, level: Sequence[SpeedTable]) -> FigureTable | None:
-    """Return what a climb draws beyond level flight of its speed: between two that are known, or near the last."""
+    """Return a climb's draw beyond level flight at its speed: interpolated, or near the last known speed."""
     if not level:
         return None
     known_m_s, drawn_a = [one.speed_m_s for one in level], [one.current_a.mean for one in level]
@@ -352,7 +352,7 @@ def _estimate_climb(blocks: FloatArray, level: Sequence[SpeedTable]) -> FigureTa
 
 
 def _estimate_capacity(flights: Sequence[FloatArray]) -> FigureTable | None:
-    """Return what the counter gives for a full percentage, over the stretch of each flight in which it falls."""
+    """Return the counter's charge for a full percentage, over the falling stretch of each flight."""
     found: list[tuple[float, float]] = []
     for flight in flights:
         before_pct, after_pct, counted = flight[:-1, PERCENT], flight[1:, PERCENT], ~np.isnan(flight[1:, CONSUMED_AH])
@@ -376,7 +376,7 @@ def _read_capacity_ah(settings: dict[str, float]) -> float | None:
 
 
 def _estimate_resistance(flights: Sequence[FloatArray]) -> FigureTable | None:
-    """Return the pack's resistance: how much the voltage falls for a step of the current, by least squares."""
+    """Return the pack's resistance: the voltage drop for a current step, by least squares."""
     steps = [np.zeros((0, 3))]
     for flight in flights:
         drawn_a = flight[~np.isnan(flight[:, AMPERES]), AMPERES]
@@ -403,7 +403,7 @@ def _estimate_link_loss(minutes: Sequence[Sequence[int]]) -> FigureTable | None:
 
 
 def _find_cell_count(notes: AircraftNotes) -> int | None:
-    """Return the number of cells, where one number alone fits what the pack showed at rest and in flight."""
+    """Return the number of cells if only one number fits the voltages at rest and in flight."""
     seen = notes.rests_v or [one[VOLTS] or 0.0 for flight in notes.flights for one in flight if one[VOLTS]]
     if not seen:
         return None
@@ -427,7 +427,7 @@ def _estimate_switch(notes: AircraftNotes) -> SwitchTable | None:
 
 
 def format_learned_toml(found: LearnedAircraft, drone: str, base: Drone) -> str:
-    """Return the file."""
+    """Return the text of the learned file."""
     logs = f"{found.table.logs} log" + "s" * (found.table.logs != 1)
     return "\n".join(
         [
@@ -468,7 +468,7 @@ def _format_energy(found: LearnedAircraft, drone: str, base: Drone) -> list[str]
 
 
 def fit_efficiency(level: Sequence[SpeedTable], drone: Drone, capacity_ah: float) -> tuple[float, float] | None:
-    """Return the efficiency with which the model uses what was used in level flight, and how sure it is."""
+    """Return the efficiency with which the model reproduces the draw in level flight, and its deviation."""
     if not level:
         return None
     weights = [one.current_a.samples for one in level]
@@ -478,7 +478,7 @@ def fit_efficiency(level: Sequence[SpeedTable], drone: Drone, capacity_ah: float
         try:
             times = [pct_per_s(tried, one.speed_m_s) * 36.0 * capacity_ah / one.current_a.mean for one in level]
         except InstanceError:
-            return math.inf  # more than the pack could give
+            return math.inf  # more than the pack could supply
         return float(np.average(np.log(times), weights=weights))
 
     low, high = LEAST_EFFICIENCY, MOST_EFFICIENCY
@@ -492,7 +492,7 @@ def fit_efficiency(level: Sequence[SpeedTable], drone: Drone, capacity_ah: float
 
 
 def build_learned_table(found: LearnedAircraft) -> dict[str, Any]:
-    """Return the table `[learned]`, as a site file has it."""
+    """Return the table `[learned]` of a site file."""
     content = found.table.model_dump(exclude_none=True)
     return {"learned": {name: _round_figures(value) for name, value in content.items() if value != ()}}
 
@@ -509,7 +509,7 @@ def _round_figures(value: Any) -> Any:  # noqa: ANN401 - tables in tables
 
 
 def describe_aircraft(found: LearnedAircraft) -> list[str]:
-    """Return what was found in a few lines."""
+    """Return the findings in a few lines."""
     table = found.table
     lines = [f"system {found.system}: {table.minutes:.1f} min in the air, {table.logs} logs"]
     rows = (

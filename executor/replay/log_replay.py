@@ -1,6 +1,6 @@
-"""Recorded flights through the watchpoints of the live flight: what they would have declared, when, on what evidence.
+"""Replay recorded flights through the live flight's watchpoints: what they would declare, when, on what evidence.
 
-The log's own clock is the time: ticks come between its records as they come between messages in flight.
+Time is the log's own clock: ticks come between its records as they come between messages in flight.
 """
 
 from __future__ import annotations
@@ -33,46 +33,46 @@ from planner import PRESETS
 
 TICK_S = 0.25
 CALM_TICK_S = 1.8
-"""While everybody is heard and no watchpoint fails; what may change that at once is looked at at once."""
+"""Seconds between ticks while all vehicles are heard and no watchpoint fails; relevant changes cause a tick at once."""
 RESTLESS_PCT = 1.2
-"""So much excess consumption is no calm."""
+"""Excess consumption from which ticks are frequent."""
 FALLS = 0.03
-"""A voltage that falls by this share between two reports is looked at at once."""
+"""Voltage drop between two reports, as a share, that causes a tick at once."""
 CALM_S = 1.2
-"""Silence that is none: a heartbeat a second, and some of its way."""
+"""Longest silence that counts as calm: the heartbeat's interval of one second, and some delay."""
 LINK_TIMEOUT_S = 4.5
-"""Without a site file nothing is given away, so nobody's failsafe must be waited for: four heartbeats are missed, and
-the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy says 5 s)."""
+"""Link time-out without a site file. No task is reassigned, so no failsafe must be waited for: four heartbeats are
+missed, and the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy uses 5 s)."""
 LINK_STALE_S = 2.0
-"""One heartbeat is missed, and with it every other message."""
+"""Age of a stale link: one heartbeat is missed, and with it every other message."""
 ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
-"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: anything from a race of five
-minutes on, so that its own flight alone says what is usual."""
+"""Prior relative to the Mavic 3, whose speed curve is used if no site names the drone: any drone with at least the five
+minutes of a racer, so that its own flight alone tells what is normal."""
 NOBODY_KNOWS = "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
-"""MAV_TYPE with rotors."""
+"""MAV_TYPE of vehicles with rotors."""
 BACK_USEC = 1_000_000
-"""Records that are out of order by less share a moment."""
+"""Records out of order by less than this count as simultaneous."""
 LONGEST_GAP_S = 120.0
-"""In a longer pause nothing is decided any more that was not decided before."""
+"""Longest gap in which decisions are still made; over a longer one, only earlier decisions stand."""
 MIXED_S = 10.0
-"""So long before two vehicles are told from one what they said may be mixed already."""
+"""Seconds before two vehicles with one id are told apart in which their messages may already be mixed."""
 MOST_EARLY, MOST_SETTINGS = 16, 500
-"""Systems, and parameters of each, that are kept until its first HEARTBEAT."""
+"""Most systems, and parameters of each, kept until its first HEARTBEAT."""
 STEADY = frozenset({Stage.GROUND, Stage.FLYING, Stage.LANDED})
-"""In which a HEARTBEAT that is as the last one changes nothing."""
+"""Stages in which an unchanged HEARTBEAT has no effect."""
 REPEATS_S = 2.5
 SAME, ALIKE = 0.003, 0.05
-"""Shares by which a voltage and a current may change within `REPEATS_S` and still say nothing new."""
+"""Relative changes of voltage and current within `REPEATS_S` that count as unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayRules:
-    """By what a log is judged."""
+    """Rules for judging a log."""
 
     limits: Limits = field(default_factory=lambda: Limits(link_stale_s=LINK_STALE_S))
     link_timeout_s: float = LINK_TIMEOUT_S
-    """Where no site says otherwise."""
+    """Link time-out if no site sets it."""
     site: Site | None = None
 
 
@@ -85,8 +85,8 @@ def replay_log(file: RecordedFile, rules: ReplayRules) -> replay_result.LogRepla
     """Replay one log.
 
     Args:
-        file: read from its beginning, once.
-        rules: the thresholds, and what is known of the vehicles.
+        file: The log, read once from its beginning.
+        rules: Thresholds, and what is known of the vehicles.
     """
     player = _Player(rules, file)
     for record in file.read_records():
@@ -99,10 +99,10 @@ _TICK = Tick()
 
 @dataclass(slots=True)
 class LogClock:
-    """The time of a log in seconds since it began, which never runs back."""
+    """A log's time in seconds since its beginning; never runs back."""
 
     skipped: SkippedRecords
-    """Where it is counted how often the log's own clock jumped back."""
+    """Counts how often the log's own clock jumped back."""
     began_usec: int | None = None
     _last_usec: int = 0
     _shift_usec: int = 0
@@ -119,17 +119,17 @@ class LogClock:
         return self.to_s(self._last_usec)
 
     def to_s(self, t_usec: int) -> float:
-        """Return a moment of the log's own clock as this one has it now."""
+        """Return the time of a moment on the log's own clock."""
         return (t_usec - (self.began_usec or 0) + self._shift_usec) / 1e6
 
     def to_usec(self, at_s: float) -> int:
-        """Return a moment on the log's clock, as if that had never jumped back."""
+        """Return a moment on the log's clock, as if it had never jumped back."""
         return (self.began_usec or 0) + round(at_s * 1e6)
 
 
 @dataclass(slots=True)
 class _Flight:
-    """From one arming to the next."""
+    """A flight, from one arming to the next."""
 
     began_s: float
     took_off: bool = False
@@ -138,7 +138,7 @@ class _Flight:
 
 @dataclass(slots=True)
 class FlightBook:
-    """What is noted of a vehicle's flights."""
+    """Notes on a vehicle's flights."""
 
     flights: list[_Flight] = field(default_factory=list)
 
@@ -147,7 +147,7 @@ class FlightBook:
         self.flights.append(_Flight(at_s))
 
     def update(self, vehicle: VehicleState) -> None:
-        """Take note of what the flight under way is."""
+        """Update the notes on the current flight."""
         if not self.flights or not vehicle.armed:
             return
         flight = self.flights[-1]
@@ -155,7 +155,7 @@ class FlightBook:
         flight.mission |= vehicle.sortie.flew_mission
 
     def describe_missionless(self, name: str) -> str:
-        """Return in words which flights had no mission; nothing if all had one."""
+        """Return in words which flights had no mission; empty if all had one."""
         flown = [one for one in self.flights if one.took_off]
         by_hand = [one for one in flown if not one.mission]
         if not by_hand:
@@ -168,21 +168,21 @@ class FlightBook:
 
 @dataclass(slots=True)
 class FollowedVehicle:
-    """What is kept of a vehicle beside its state."""
+    """Data about a vehicle besides its state."""
 
     trace: replay_result.SampleTrace = field(default_factory=replay_result.SampleTrace)
     packs: replay_result.PackBook = field(default_factory=replay_result.PackBook)
     flights: FlightBook = field(default_factory=FlightBook)
     flown_s: float = 0.0
     beat_s: float | None = None
-    """A heartbeat without news since the last tick."""
+    """Time of an unchanged heartbeat since the last tick."""
     reports: dict[int | None, tuple[float, messages.Battery | messages.SystemStatus]] = field(default_factory=dict)
-    """The last of each battery, and of SYS_STATUS, that said something new."""
+    """Last new report of each battery, and of SYS_STATUS."""
     mixed_s: float = math.inf
-    """Since when two vehicles answer by its name."""
+    """Time since which two vehicles use its name."""
 
     def observe(self, scene: Scene, vehicle: VehicleState, at_s: float, since_s: float) -> None:
-        """Take note of how it is, and that it was so since it was looked at last."""
+        """Note its condition, valid since the last tick."""
         if vehicle.armed and vehicle.stage is not Stage.LOST:
             self.flown_s += at_s - since_s
         self.trace.add(at_s, partial(sample_vehicle, scene, vehicle, at_s))
@@ -190,7 +190,7 @@ class FollowedVehicle:
     def build_replay(
         self, setup: VehicleSetup, found: Iterable[Finding], to_usec: Callable[[float], int], ended_s: float
     ) -> replay_result.VehicleReplay:
-        """Return what was found of it, in the log's own time; what was not over then lasts to the end."""
+        """Return its findings, in the log's own time; conditions not over by then last to the end."""
         mine = [one for one in found if one.vehicle == setup.name]
         degraded = sorted((one for one in mine if isinstance(one, Degradation)), key=lambda one: one.from_s)
         return replay_result.VehicleReplay(
@@ -220,12 +220,12 @@ class FollowedVehicle:
 
 
 def is_known_copter(beat: messages.Heartbeat) -> bool:
-    """Return whether a vehicle can be followed: others have other modes, and no energy model here."""
+    """Return whether a vehicle can be followed: only copters, as others have other modes and no energy model here."""
     return dialect_of(beat.autopilot) is not None and beat.vehicle_type in COPTERS
 
 
 class _Player:
-    """Feeds records and ticks to the passive core; owns the time."""
+    """Feed records and ticks to the passive core; owns the time."""
 
     def __init__(self, rules: ReplayRules, file: RecordedFile) -> None:
         self._rules, self._file = rules, file
@@ -242,10 +242,10 @@ class _Player:
         self._framed = False
         self._ticked_s = 0.0
         self._early: dict[int, dict[str | int, messages.VehicleSetting | messages.ListedItem]] = {}
-        """Parameters and items of systems of which no HEARTBEAT came yet."""
+        """Parameters and mission items of systems without a HEARTBEAT so far."""
 
     def play_record(self, record: Record) -> None:
-        """Let time pass to a record, and take what it says."""
+        """Advance time to a record, and process its message."""
         t_usec, system, message = record
         now_s = self._clock.advance(t_usec)
         if now_s >= self._next_s:
@@ -260,7 +260,7 @@ class _Player:
         self._route(system, message, now_s)
 
     def _route(self, system: int, message: messages.FlightMessage, now_s: float) -> None:
-        """Hand what a system says to its vehicle, or count why nobody takes it."""
+        """Route a message to its vehicle, or count why it is dropped."""
         name = self._names.get(system) or self._add_vehicle(system, message)
         if name and isinstance(message, messages.DoubleHeard):
             vehicle = self._followed[name]
@@ -277,7 +277,7 @@ class _Player:
             self._file.skipped.before_heartbeat += 1
 
     def _keep_setting(self, system: int, setting: messages.VehicleSetting | messages.ListedItem) -> None:
-        """Keep what a log says of a vehicle's parameters, and of its mission, before it says what it is."""
+        """Keep a vehicle's parameters and mission items until its type is known."""
         kept = self._early.setdefault(system, {})
         name = setting.item.seq if isinstance(setting, messages.ListedItem) else setting.name
         if len(self._early) <= MOST_EARLY and (len(kept) < MOST_SETTINGS or name in kept):
@@ -286,18 +286,18 @@ class _Player:
             self._file.skipped.before_heartbeat += 1
 
     def _advance_to(self, now_s: float) -> None:
-        """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
+        """Tick up to a time; a gap in the recording is one tick, as when the program was suspended."""
         gap_s = now_s - self._now_s
         if gap_s > LONGEST_GAP_S or (gap_s > HOST_PAUSE_S and (self._file.stations or self._file.on_board)):
             self._file.skipped.gaps += 1
             self._next_s = now_s
             if gap_s > LONGEST_GAP_S:
-                self._ticked_s = now_s  # nobody knows whether it flew meanwhile
+                self._ticked_s = now_s  # whether it flew meanwhile is unknown
         while self._next_s <= now_s:
             self._next_s += self._tick(self._next_s)
 
     def _tick(self, at_s: float) -> float:
-        """Look at everything; returns when to look again."""
+        """Run all watchpoints; return the time of the next tick."""
         for system, name in self._names.items():
             usec = self._file.heard.get(system)
             if usec is not None:
@@ -326,7 +326,7 @@ class _Player:
             if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
                 self._next_s = now_s
         elif isinstance(message, messages.StatusText | messages.OwnFailsafe):
-            self._next_s = now_s  # what is said of a crash is looked at before anything that follows it
+            self._next_s = now_s  # a crash report is evaluated before anything that follows it
         elif isinstance(message, messages.Position) and not self._framed:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
@@ -345,13 +345,13 @@ class _Player:
                 self._record_take_off_place(self._state.fleet.vehicles[name])
 
     def _is_repetition(self, known: VehicleState, message: messages.FlightMessage, now_s: float) -> bool:
-        """Return whether a vehicle repeats itself: what is watched are changes, and that it speaks at all."""
+        """Return whether a message repeats the last one: watchpoints need only changes, and signs of life."""
         match message:
             case messages.Heartbeat():
                 settled = known.stage in STEADY and (known.sortie.flew_mission or not known.sortie.took_off)
                 if not settled or message != known.telemetry.heartbeat:
                     return False
-                self._followed[known.name].beat_s = now_s  # the next tick takes it
+                self._followed[known.name].beat_s = now_s  # the next tick handles it
                 return True
             case messages.MissionCurrent(seq, total, number):
                 same = known.assignment.board is None or number in {None, known.assignment.carried.id}
@@ -362,13 +362,13 @@ class _Player:
                 return False
 
     def _record_take_off_place(self, vehicle: VehicleState) -> None:
-        """Note where a vehicle starts: it is the place to come home to."""
+        """Note the take-off position of a vehicle: its home for RTL."""
         if vehicle.motion.fix is not None:
             setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.motion.fix.place_m)
             self._scene = replace(self._scene, vehicles={**self._scene.vehicles, vehicle.name: setup})
 
     def _add_vehicle(self, system: int, message: messages.FlightMessage) -> str:
-        """Return the name of a vehicle that is heard for the first time; nothing if it cannot be followed."""
+        """Return the name of a new vehicle; empty if it cannot be followed."""
         if not isinstance(message, messages.Heartbeat):
             return ""
         dialect = dialect_of(message.autopilot)
@@ -380,7 +380,7 @@ class _Player:
                 f"known are copters with {' or '.join(one.title for one in AUTOPILOTS)}"
             )
             return ""
-        self._others.pop(system, None)  # what it said before it knew its frame
+        self._others.pop(system, None)  # the reason from before its frame was known
         setup = _build_setup(self._rules, system, dialect, on_board=self._file.on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
         self._state = replace(self._state, fleet=self._state.fleet.put(VehicleState(setup.name)))
@@ -390,7 +390,7 @@ class _Player:
 
     def build_result(self) -> replay_result.LogReplay:
         if self._clock.began_usec is not None:
-            # What it said last is judged, too.
+            # Its last messages are evaluated, too.
             self._next_s = min(self._next_s, self._now_s)
             self._advance_to(self._now_s)
         found = [*self._findings, *passive_watch.close_degradations(self._state, self._now_s)]
@@ -491,7 +491,7 @@ def _build_setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board:
 
 
 def sample_vehicle(scene: Scene, vehicle: VehicleState, at_s: float) -> replay_result.ReplaySample:
-    """Return what a picture shows of a vehicle at one moment."""
+    """Return a sample of a vehicle for pictures."""
     estimate = vehicle.power.battery.estimate
     ahead = legs.project_landing(scene, vehicle, scene.vehicles[vehicle.name])
     return replay_result.ReplaySample(

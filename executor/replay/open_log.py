@@ -1,4 +1,4 @@
-"""Which reader a log needs, by its content."""
+"""Choose a log's reader by its content."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ STAMP = 8
 HEAD = 4096
 KNOWN = {".tlog", ".bin", ".ulg"}
 DESCRIBES = re.compile(rb"^ *FMT *, *\d+ *, *\d+ *, *[A-Z]", re.MULTILINE)
-"""A line of a DataFlash log in text says what its other lines hold."""
+"""Line of a DataFlash log in text that describes its other lines."""
 
 
 def open_log(path: Path, *, every_record: bool = False) -> RecordedFile:
-    """Return a reader for a log; damaged and empty ones have one too, by their name.
+    """Return a reader for a log; for damaged and empty files, by the name.
 
     Args:
         path: The log.
-        every_record: Whether all that it says is wanted; else each kind as often as some watchpoint needs it.
+        every_record: Whether to read all records; else each kind as often as a watchpoint needs it.
 
     Raises:
-        ExtraMissing: it is a ULog, and nothing is installed to read it with.
-        LogError: it cannot be read, or is no log of a kind that is known.
+        ExtraMissing: It is a ULog, and no reader for it is installed.
+        LogError: It cannot be read, or is no log of a known kind.
     """
     try:
         with path.open("rb") as file:
@@ -57,7 +57,7 @@ def open_log(path: Path, *, every_record: bool = False) -> RecordedFile:
 
 
 def is_log(path: Path) -> bool:
-    """Return whether a file in a folder is a log, by its name, or by its content: much else is called .log."""
+    """Return whether a file in a folder is a log, by its name or content, as other files are called .log too."""
     if path.suffix.lower() != ".log" or not path.is_file():
         return path.suffix.lower() in KNOWN
     with path.open("rb") as file:

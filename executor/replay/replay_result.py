@@ -1,7 +1,6 @@
-"""What the replay of a recorded flight found, as plain data: what the table, the pictures and the pages show.
+"""Results of replaying a recorded flight, as plain data for the table, the pictures and the pages.
 
-What its flights say of a vehicle's packs (sag, resistance and capacity) is kept in packs.json, one entry a flight;
-further logs add to it.
+A vehicle's packs (sag, resistance and capacity) are kept in packs.json, one entry per flight; further logs add to it.
 """
 
 from __future__ import annotations
@@ -22,21 +21,21 @@ from executor.site.learned_files import FORMAT, PackEntry, PacksDocument
 TRACE_S = 3.0
 MOST_SAMPLES = 4000
 LEAST_USED_PCT = 15.0
-"""By its voltage so much must be used before a capacity is worth a figure: 10 mV of a cell are a percent."""
+"""Least consumption by voltage for estimating a capacity: 10 mV of a cell are a percent."""
 ANOTHER_PCT = 20.0
-"""A percentage that is so much higher at the next take-off is that of another pack, or of a charged one."""
+"""Least rise of the percentage at the next take-off for another pack, or a charged one."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplaySample:
-    """One moment of a vehicle, for pictures."""
+    """A vehicle's values at one moment, for pictures."""
 
     at_s: float
     remaining_pct: float | None
     estimate_pct: float | None
     sd_pct: float | None
     landing_pct: float | None
-    """What should be left at the landing."""
+    """Target percentage at landing."""
     voltage_v: float | None
     link_age_s: float
     heartbeat_age_s: float
@@ -46,13 +45,13 @@ class ReplaySample:
 
 @dataclass(slots=True)
 class SampleTrace:
-    """Samples of one vehicle; when they become many, every second one is dropped, so that memory stays constant."""
+    """Samples of one vehicle; if there are too many, every second one is dropped, so that memory stays constant."""
 
     samples: list[ReplaySample] = field(default_factory=list)
     every_s: float = TRACE_S
 
     def add(self, at_s: float, take: Callable[[], ReplaySample]) -> None:
-        """Take a sample, unless the last one is young."""
+        """Take a sample, unless the last one is recent."""
         if self.samples and at_s - self.samples[-1].at_s < self.every_s:
             return
         self.samples.append(take())
@@ -63,7 +62,7 @@ class SampleTrace:
 
 @dataclass(frozen=True, slots=True)
 class Declaration:
-    """A fault, in the log's own time."""
+    """A declared fault, in the log's own time."""
 
     kind: FaultKind
     reason: str
@@ -73,7 +72,7 @@ class Declaration:
 
 @dataclass(frozen=True, slots=True)
 class ImpairedPeriod:
-    """A time in which something was not well, in the log's own time."""
+    """A period with an impairment, in the log's own time."""
 
     kind: FaultKind
     reason: str
@@ -84,18 +83,18 @@ class ImpairedPeriod:
 
 @dataclass(frozen=True, slots=True)
 class ModeTransition:
-    """An armed vehicle's mode became another, in the log's own time."""
+    """A mode change of an armed vehicle, in the log's own time."""
 
     t_usec: int
     mode: str
     by: Actor
     why: str
-    """What in the log says who changed it; empty where nothing does."""
+    """Evidence in the log for the cause; empty if none."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleReplay:
-    """One vehicle of a log."""
+    """Results for one vehicle of a log."""
 
     sysid: int
     name: str
@@ -103,16 +102,16 @@ class VehicleReplay:
     declarations: tuple[Declaration, ...]
     degraded: tuple[ImpairedPeriod, ...]
     flown_s: float
-    """Armed."""
+    """Seconds armed."""
     samples: tuple[ReplaySample, ...]
     modes: tuple[ModeTransition, ...] = ()
     packs: tuple[PackEntry, ...] = ()
-    """What each flight says of its pack."""
+    """Each flight's data about its pack."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogReplay:
-    """A log, replayed."""
+    """Results for one log."""
 
     path: Path
     vehicles: tuple[VehicleReplay, ...]
@@ -131,11 +130,11 @@ class PackBook:
     _rest: RestReading | None = None
     _began_s: float | None = None
     _counted: tuple[float | None, float] = (None, 0.0)
-    """The counter and the percentage at the take-off."""
+    """Counter and percentage at take-off."""
     _latest: PackEntry | None = None
 
     def update(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> None:
-        """Look at a vehicle: a flight begins when it has taken off, and ends when it disarms."""
+        """Update with a vehicle's state: a flight begins at take-off, and ends at disarming."""
         flies = vehicle.armed and vehicle.sortie.took_off
         if flies and self._began_s is None:
             self._begin_flight(vehicle, at_s)
@@ -147,7 +146,7 @@ class PackBook:
             self.close_flights()
 
     def close_flights(self) -> tuple[PackEntry, ...]:
-        """End the flight under way, if there is one, and return all of them."""
+        """End the current flight, if any, and return all flights."""
         if self._latest is not None:
             self.flights.append(self._latest)
         self._began_s = self._latest = None
@@ -207,7 +206,7 @@ class PackBook:
 
 
 def capacity_ah(flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, float] | None:
-    """Return what a flight says of its pack's capacity; None where too little was used, or nobody counted."""
+    """Return a flight's estimate of its pack's capacity; None if too little was used, or no charge was counted."""
     if flight.rest_cell_v is None or not flight.counted_ah:
         return None
     found = []
@@ -222,12 +221,12 @@ def capacity_ah(flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, 
 def merge_packs(
     replays: Iterable[LogReplay], before: PacksDocument | None = None, labels: Mapping[int, str] = MappingProxyType({})
 ) -> PacksDocument:
-    """Return what is known after further logs; a flight that was known is told anew.
+    """Merge further logs into the known packs; a known flight is replaced.
 
     Args:
         replays: The logs.
-        before: What was known.
-        labels: What stands on the pack of each system; a log in which one changes its pack says it of none.
+        before: The packs known before.
+        labels: Label of each system's pack; ignored for a log in which the system changes its pack.
     """
     known = {} if before is None else {_key_of(one): one for one in before.flights}
     for replayed in replays:

@@ -1,7 +1,7 @@
-"""A live flight again: the events of its run directory through the same `step`, and whether it decides the same.
+"""Replay a live flight: pass the events of its run directory through the same `step`, and compare the decisions.
 
-The context is built anew from what the directory holds: the site, the first plan, what each vehicle said and where
-it stood. What the flight decided stands in the log beside the events, so the two are compared command by command.
+The context is rebuilt from the directory: the site, the first plan, each vehicle's reports and position. The flight's
+decisions are in the log next to the events, so both are compared command by command.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ from executor.replay.replay_result import LogReplay, VehicleReplay
 
 @dataclass(frozen=True, slots=True)
 class DecisionComparison:
-    """What the flight decided beside what the replay did."""
+    """The flight's decisions compared with the replay's."""
 
     logged: int
     """Commands and lines of the flight."""
     replayed: int
     first_difference: str
-    """Empty if there is none."""
+    """First command or line that differs; empty if there is none."""
     reworded: str = ""
-    """The first line or reason that has other words now; empty if there is none. It decides nothing."""
+    """First line or reason with a changed wording; empty if there is none. It does not affect `is_same`."""
 
     @property
     def is_same(self) -> bool:
-        """Whether every command is the same, in the same order, at the same time."""
+        """Return whether every command is the same, in the same order, at the same time."""
         return not self.first_difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunReplay(LogReplay):
-    """A run directory, replayed."""
+    """Results of replaying a run directory."""
 
     comparison: DecisionComparison
     state: FleetState
-    """At the end of its log."""
+    """State at the end of its log."""
 
 
 Decided = tuple[float, object]
@@ -66,7 +66,7 @@ def replay_run(run: Path) -> RunReplay:
     Raises:
         LogError: events.jsonl or vehicles.json cannot be used.
         SiteError: site.toml cannot be used.
-        MissionsError: the first plan cannot be used.
+        MissionsError: The first plan cannot be used.
     """
     begun = read_run_start(run)
     context, state = begun.context, begun.state
@@ -76,7 +76,7 @@ def replay_run(run: Path) -> RunReplay:
     decided: list[Decided] = []
     at_s = 0.0
     for at_s, event in read_events(events):
-        # An internal error in one decision changed nothing in flight; it changes nothing here.
+        # An internal error in one decision changed nothing in flight, so it changes nothing here.
         with suppress(Exception):
             state, commands = fleet_step.step(context, state, event, at_s)
             decided += [(at_s, one.text if isinstance(one, Say) else to_plain(one)) for one in commands]
@@ -92,10 +92,10 @@ def replay_run(run: Path) -> RunReplay:
 
 
 def compare_decisions(logged: Sequence[Decided], replayed: Sequence[Decided]) -> DecisionComparison:
-    """Compare what was logged with what was decided again, in the form that the log has: through JSON and back."""
+    """Compare logged with replayed decisions in the log's form: through JSON and back."""
     made: list[Any] = json.loads(json.dumps(replayed))
     commands = any(not isinstance(what, str) for _, what in logged)
-    if not commands:  # written before commands were kept: the lines are compared alone
+    if not commands:  # written before commands were logged: only the lines are compared
         made = [one for one in made if isinstance(one[1], str)]
     first = reworded = ""
     for number, (before, (at_s, decided)) in enumerate(zip(logged, made, strict=False)):
@@ -115,14 +115,14 @@ def compare_decisions(logged: Sequence[Decided], replayed: Sequence[Decided]) ->
 
 
 def _drop_new_fields(before: object, after: object) -> object:
-    """Return a decision without the fields that it says nothing in, and that an older program did not have."""
+    """Return a decision without its empty fields that an older program did not have."""
     if not isinstance(before, dict) or not isinstance(after, dict):
         return after
     return {key: value for key, value in after.items() if value or key in before}
 
 
 def _strip_wording(decided: object) -> object:
-    """Return a decision without its sentences, which another version of the program may word otherwise."""
+    """Return a decision without its texts, which another version of the program may word differently."""
     if not isinstance(decided, dict):
         return ""
     return {key: value for key, value in decided.items() if key not in {"trigger", "reason"}}
@@ -133,7 +133,7 @@ def _format_decision(decided: object) -> str:
 
 
 class _Watch:
-    """Collects what is not well, and samples for pictures, beside the decisions."""
+    """Collect impairments, and samples for pictures, during the replay."""
 
     def __init__(self, context: Context) -> None:
         self._context = context

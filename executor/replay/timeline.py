@@ -1,4 +1,4 @@
-"""A replayed flight over time: battery with its band, voltage, link age, progress, and what was declared; its page."""
+"""Draw a replayed flight over time, with its page: battery with band, voltage, link age, progress, declared faults."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KIND_COLOURS = {FaultKind.LINK: "#1f3fa8", FaultKind.BATTERY: "#e8a010", FaultKi
 ROWS = ("battery (%)", "voltage (V)", "link age (s)", "progress")
 MOST_LETTERS = 100
 LEGEND_PCT, DECLARED_PCT = -32.0, -16.0
-"""Below the battery's curves there is room for the legend, and above that for what was declared."""
+"""Lower limits of the battery axis: for the legend below the curves, and for the declared faults above it."""
 HEADROOM = 0.25
 
 
@@ -73,7 +73,7 @@ def _draw_vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], c
     for axis, words in zip(rows, ROWS, strict=True):
         axis.set_ylabel(f"{vehicle.name}\n{words}", color=INK, fontsize=8)
         if axis is not voltage and len(at_s):
-            if axis is not battery:  # above what is drawn, as it is below it there
+            if axis is not battery:  # room for the legend above the curves; for the battery it is below
                 bottom, top = axis.get_ylim()
                 axis.set_ylim(bottom, top + HEADROOM * (top - bottom))
             corner = (0.0, 0.0) if axis is battery else (0.0, 1.0 - HEADROOM / (1.0 + HEADROOM))
@@ -98,5 +98,5 @@ def _draw_moments(replay: LogReplay, vehicle: VehicleReplay, axis: Axes, *, name
 
 
 def write_replay_page(replay: LogReplay, picture: Path, path: Path) -> None:
-    """Write the page of a log; the picture goes into it."""
+    """Write the page of a log, with its picture embedded."""
     write_page(path, render_template("replay.html", replay=replay, picture=picture.read_bytes()))

@@ -1,1 +1,1 @@
-"""A site's fleet as simulated vehicles, and what was done to them."""
+"""A site's fleet as simulated vehicles, and the faults injected into it."""

@@ -1,4 +1,4 @@
-"""What a simulated fleet notes beside a run: which fault was injected, and when it really happened."""
+"""Ground truth of a simulated fleet: the injected faults, and when they really happened."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ KINDS = {
     "gps": "interruption", "camera-silent": "payload", "camera-mute": "payload", "card-full": "payload",
     "gimbal-stuck": "payload",
 }  # fmt: skip
-"""What a fault that the simulator injects should be declared as."""
+"""Expected fault kind for each fault that the simulator injects."""
 
 
 def read_injected_faults(run: Path, clock: SystemClock) -> list[InjectedFault]:
-    """Return when the ordered faults really happened, in the ground station's time."""
+    """Return when the injected faults really happened, in the ground station's time."""
     path = RunDirectory(run).truths
     if not path.exists():
         return []
@@ -28,7 +28,7 @@ def read_injected_faults(run: Path, clock: SystemClock) -> list[InjectedFault]:
 
 
 def find_injected_fault(truth: Truth, at_s: float) -> InjectedFault | None:
-    """Return the fault that a truth is about, with its time on the ground station's clock; None if it is none."""
+    """Return a truth's injected fault, with its time on the ground station's clock; None if it has none."""
     if not truth.what.startswith("fault "):
         return None
     name = truth.what.partition(":")[2].partition("@")[0].partition("=")[0]

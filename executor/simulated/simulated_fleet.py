@@ -1,4 +1,4 @@
-"""What is simulated: a site's fleet (`faultline simulate`), the cards of its cameras, the whole story of the demo."""
+"""Simulation of a site's fleet (`faultline simulate`), of its cameras' memory cards, and the demo."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ EXPOSURE_S = 0.001
 
 @dataclass(slots=True)
 class SimulatedCards:
-    """The cards of a simulated fleet."""
+    """Memory cards of a simulated fleet."""
 
     folder: Path
     unix_s: float
-    """Seconds since 1970 when the simulation begins."""
+    """Unix time at which the simulation begins."""
     ahead_s: Mapping[str, float] = field(default_factory=dict)
-    """By how much the clocks of a vehicle's cameras are ahead, by its name."""
+    """Seconds by which the clocks of a vehicle's cameras are ahead, by vehicle name."""
     places: bool = True
-    """Whether the cameras know where they are."""
+    """Whether the cameras record positions."""
 
     def write(self, vehicle: str, shot: CapturedImage) -> Path:
-        """Write one picture: of the sky and the ground, as its camera was tilted.
+        """Write one picture of sky and ground, at the camera's tilt.
 
         Raises:
-            OSError: there is no room, or the folder cannot be made.
+            OSError: The disk is full, or the folder cannot be created.
         """
         from PIL import Image, ImageDraw
 
@@ -91,10 +91,10 @@ def fleet_of(
     signing: config.Signing | None = None,
     radio: str = "",
 ) -> config.SimFleet:
-    """Return the site's vehicles, standing on their pads; with `failsafe` they come home when they lose our heartbeat.
+    """Return the site's vehicles on their pads; with `failsafe` they fly RTL when they lose our heartbeat.
 
     Raises:
-        SimulatorError: a fault, a radio or a connection that cannot be simulated.
+        SimulatorError: A fault, a radio or a connection cannot be simulated.
     """
     slow = bool(first := radio.partition(",")[0].strip()) and parse_radio(first).profile.speaks
     setup, station = ground.setup, ground.site.link.station_sysid
@@ -135,7 +135,7 @@ def fleet_of(
     return config.SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults), radio)
 
 
-def run_simulation(  # noqa: PLR0913 - what is simulated, and how
+def run_simulation(  # noqa: PLR0913 - the simulation's settings
     ground: SiteModel,
     *,
     speedup: float,
@@ -148,9 +148,9 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     key: bytes | None,
     radio: str,
 ) -> None:
-    """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM).
+    """Fly the simulated fleet until SIGINT or SIGTERM.
 
-    What really happens goes to the file `truth`, what its cameras take into the folder `cards`.
+    The ground truth goes to the file `truth`, the cameras' pictures into the folder `cards`.
     """
     written = None if cards is None else SimulatedCards(cards, time.time())
     signing = None
@@ -168,7 +168,7 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
             )
 
         def happened(what: Truth) -> None:
-            if what.sender is None:  # orders are for those who read the file
+            if what.sender is None:  # commands are for readers of the file
                 print(f"{what.t_s:8.1f} s  {what.vehicle}: {what.what}", flush=True)
             if writer is not None:
                 writer(what)
@@ -194,48 +194,49 @@ async def _run_until_signal(
 
 
 USUAL_VEHICLES = 4
-"""With these the whole of the default network is flown below the ceiling of a site."""
+"""Vehicles of the default demo: they fly the whole default network below a site's ceiling."""
 USUAL_RADIUS_M = 700.0
 USUAL_BUDGET_PCT = 28.0
-"""Of the usual demo: so tight that it matters how a plan was chosen."""
+"""Budget of the default demo: so tight that the plan's objective matters."""
 USUAL_LOSS = "uav1:silent@450s"
-"""After this one a plan chosen by MinComb leaves segments over; one chosen for its window does not."""
+"""Loss in the default demo: after it, a plan chosen by MinComb leaves segments over; one chosen for its window does
+not."""
 OTHER_LOSS = "uav2:silent@40%"
 SIMULATED_CEILING_M = 1000.0
 LISTENING = range(14_551, 15_000)
-"""Ports of vehicles that are planned for and never opened."""
+"""Ports of vehicles that are planned for but never opened."""
 
 
 def build_demo_site(
     *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str, flat: bool = False,
     ports: Sequence[int] = (),
 ) -> dict[str, object]:  # fmt: skip
-    """Return the content of a site file for a simulated fleet; `flat` claims so of its ground.
+    """Return the content of a site file for a simulated fleet; `flat` declares its ground flat.
 
-    Its vehicles answer on the ports given, or else on free ones.
+    Its vehicles answer on the given ports, or else on free ones.
     """
     table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
     budget = {"budget_pct": USUAL_BUDGET_PCT} if is_default_demo(network, radius_m, vehicles) else {}
     site: dict[str, object] = {
         "network": table,
-        "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
+        "flight": {"speedup": speedup, "fly_again": "auto"},  # there is no crew at these pads
         "vehicle": [table | budget for table in build_vehicle_tables(ports or find_free_ports(vehicles), autopilot)],
     }
     inspection: dict[str, object] = {"heights": "flat"} if flat else {}
     if network is not None or vehicles > USUAL_VEHICLES:
-        # Over hills, and with so many layers, the highest return is above 120 m; a simulation needs no permit for that.
+        # Over hills, and with many layers, the highest RTL is above 120 m; a simulation needs no permit for that.
         inspection["ceiling_m"] = SIMULATED_CEILING_M
     if inspection:
         site["inspection"] = inspection
     if network is not None and not _is_json(network):
-        # A graph file says nothing of where it lies: the demo puts it where the default network is.
+        # A graph file has no location: the demo uses that of the default network.
         frame = read_network(default_network_path()).frame
         site["depot"] = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
     return site
 
 
 def build_vehicle_tables(ports: Sequence[int], autopilot: str) -> list[dict[str, object]]:
-    """Return the vehicles of a site file, which answer on these ports of this computer."""
+    """Return the vehicles of a site file, on these ports of this computer."""
     return [
         {"name": f"uav{number}", "connection": f"udpin://127.0.0.1:{port}", "sysid": number, "autopilot": autopilot}
         for number, port in enumerate(ports, start=1)
@@ -243,12 +244,12 @@ def build_vehicle_tables(ports: Sequence[int], autopilot: str) -> list[dict[str,
 
 
 def is_default_demo(network: Path | None, radius_m: float, vehicles: int) -> bool:
-    """Return whether this is the demo that is flown where nothing else is asked for."""
+    """Return whether this is the demo flown by default."""
     return (network, radius_m, vehicles) == (None, USUAL_RADIUS_M, USUAL_VEHICLES)
 
 
 def _is_json(network: Path) -> bool:
-    """Return whether a file is GeoJSON, which has places of its own; one that is not there is the reader's concern."""
+    """Return whether a file is GeoJSON, which has coordinates; the reader reports a missing file."""
     try:
         with network.open("rb") as file:
             return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
@@ -257,13 +258,14 @@ def _is_json(network: Path) -> bool:
 
 
 UNASKED = range(20_000, 32_000)
-"""Below the ports that Linux (32768 on), macOS and Windows (49152 on) choose by themselves."""
+"""Ports below those that Linux (32768 on), macOS and Windows (49152 on) assign automatically."""
 
 
 def find_free_ports(count: int) -> list[int]:
-    """Return UDP ports of this computer that nobody uses, and that no socket is given unasked.
+    """Return free UDP ports of this computer outside the range that systems assign automatically.
 
-    The simulated vehicles call from ports that the system chooses: of forty one may be the next one's otherwise.
+    The simulated vehicles send from ports that the system assigns: among forty, one might otherwise equal another's
+    port.
     """
     found: list[int] = []
     with ExitStack() as stack:
@@ -279,7 +281,7 @@ def find_free_ports(count: int) -> list[int]:
 
 @contextmanager
 def run_simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
-    """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
+    """Run `faultline simulate` during the flight; Ctrl-C in the terminal does not reach it."""
     command = [sys.executable, "-m", "executor", "simulate", str(RunDirectory(run).site), "--seed", str(seed)]
     command += ["--truth", str(RunDirectory(run).truths), "--failsafe"]
     for fault in faults:

@@ -1,7 +1,7 @@
-"""One boot of an ArduPilot vehicle: the records of its DataFlash log, by and by, to our messages.
+"""Convert the DataFlash records of one boot of an ArduPilot vehicle to our messages, record by record.
 
-Older firmware has fewer fields, other names and other units; what is not there stays unknown. Numbers are those of
-ModeReason.h, AP_Logger.h and AP_Arming.h, the same since Copter 3.3; others are unknown.
+Older firmware has fewer fields, other names and other units; missing values stay unknown. Numbers are those of
+ModeReason.h, AP_Logger.h and AP_Arming.h, unchanged since Copter 3.3; others are unknown.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from missions.items import Frame, MissionItem
 MODE_REASONS: Mapping[int, messages.Actor] = MappingProxyType({
     # mode switch, toy mode, transmitter's telemetry, its other switches; raised throttle ends a landing
     **dict.fromkeys((1, 18, 42, 53, 9), messages.Actor.PILOT),
-    **dict.fromkeys((2, 32, 52), messages.Actor.GROUND_STATION),  # a command, a script, a computer on board
+    **dict.fromkeys((2, 32, 52), messages.Actor.GROUND_STATION),  # a command, a script, a companion computer
     # radio, battery, station, EKF, GPS, fence, terrain, avoidance and back, terminated, crash, any, leak, back from the
     # fence, radio and back, dead reckoning, take-off
     **dict.fromkeys((3, 4, 5, 6, 7, 10, 11, 14, 15, 17, 19, 25, 29, 43, 48, 50, 51, 55), messages.Actor.FAILSAFE),
-    # its end, brake's, flip's, throw's, an item, out of AUTO_RTL
+    # end of the mission, of brake, flip or throw, a mission item, out of AUTO_RTL
     **dict.fromkeys((8, 12, 13, 16, 41, 45), messages.Actor.MISSION),
 })  # fmt: skip
-"""ModeReason."""
+"""Actor by ModeReason."""
 
 RESOLVED = 0
 ERRORS: Mapping[int, tuple[str, str]] = MappingProxyType({
@@ -55,7 +55,7 @@ ERRORS: Mapping[int, tuple[str, str]] = MappingProxyType({
     30: ("other", "internal error"),
     31: ("gps", "dead reckoning failsafe"),
 })  # fmt: skip
-"""LogErrorSubsystem, without those that are no failsafe: initialising, a refused mode, a flip, an EKF lane."""
+"""LogErrorSubsystem, without those that are no failsafe: initialisation, a refused mode, a flip, an EKF lane."""
 LOSS_OF_CONTROL = ("crash", 2)
 """The crash check's second code: loss of control."""
 DISARMED_BY: Mapping[int, messages.OwnFailsafe] = MappingProxyType({
@@ -72,14 +72,14 @@ DISARMED_BY: Mapping[int, messages.OwnFailsafe] = MappingProxyType({
     24: messages.OwnFailsafe("ekf", True, "EKF failsafe"),
     33: messages.OwnFailsafe("gps", True, "dead reckoning failsafe"),
 })  # fmt: skip
-"""AP_Arming::Method values of disarms that the crew must know of."""
+"""AP_Arming::Method values of disarms to report to the crew."""
 Fields = Mapping[str, Any]
 """Fields of a record, by name."""
 
 
 @dataclass(frozen=True, slots=True)
 class WantedColumns:
-    """What is read of a kind."""
+    """Columns to read of one record type."""
 
     columns: frozenset[str]
     every_usec: int = 0
@@ -98,7 +98,7 @@ MODE_WAIT_USEC = 10_000_000
 """Time within which a log started at arming reports its mode."""
 THRUST = 0.05
 THRUST_ROWS = 3
-"""Seconds of thrust without an arming record after which the log is taken to begin in the air."""
+"""Seconds of thrust without an arming record after which the log counts as begun in the air."""
 STALE_USEC = 3_000_000
 """Age after which the next best source of a position or a speed is used."""
 GPS_USEC = 1_000_000
@@ -116,46 +116,46 @@ ArduPilotMessages = messages.FlightMessage | tuple[messages.FlightMessage, ...] 
 
 @dataclass(slots=True)
 class ArduPilotBoot:
-    """What is known of the vehicle since it was switched on."""
+    """Known state of the vehicle since it was switched on."""
 
     first_usec: int | None = None
     begun: bool = False
-    """Whether decoding has begun: the mode is known, or never will be."""
+    """Whether decoding has begun: the mode is known, or is not logged."""
     mode: int = NO_MODE
     armed: bool = False
     arming_told: bool = False
     changed: bool = False
     """Whether the next HEARTBEAT would differ."""
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """North, east, down, by the filter behind POS."""
+    """Velocity north, east, down, from the filter behind POS."""
     filtered_usec: int = -STALE_USEC
     placed_usec: int = -STALE_USEC
     height_m: float | None = None
-    """Height above home, by CTUN."""
+    """Height above home, from CTUN."""
     items: dict[int, MissionItem] = field(default_factory=dict)
     """Mission items by number."""
     begun_msl_m: float | None = None
     thrust_rows: int = 0
     capacity_ah: float = 0.0
-    """Configured capacity of its first pack; 0 if unknown."""
+    """Configured capacity of the first pack; 0 if unknown."""
     fix: tuple[int, int] = (-GPS_USEC, -1)
     """Time and type of the last reported fix."""
 
     def begin_when_known(self, t_usec: int) -> bool:
-        """Return whether it can be followed from now on."""
+        """Return whether the vehicle can be followed from now on."""
         if not self.begun:
             self.first_usec = t_usec if self.first_usec is None else self.first_usec
             self.begun = self.changed = self.mode != NO_MODE or t_usec - self.first_usec > MODE_WAIT_USEC
         return self.begun
 
     def build_heartbeat(self, vehicle_type: int) -> messages.Heartbeat:
-        """Return the HEARTBEAT that it would send."""
+        """Return the HEARTBEAT that the vehicle would send."""
         return messages.Heartbeat(
             ARDUPILOT.number, self.mode, self.armed, ACTIVE if self.armed else STANDBY, vehicle_type
         )
 
     def set_armed(self, *, armed: bool) -> None:
-        """Note that the log says that it is armed, or that it is not."""
+        """Note that the log reports the vehicle armed or disarmed."""
         self.arming_told = True
         self.changed = self.changed or armed != self.armed
         self.armed = armed
@@ -211,13 +211,13 @@ def _read_command(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessage
 
 def _read_battery(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     remaining, consumed = fields.get("RemPct"), fields.get("CurrTot")
-    # Whole numbers, of old firmware, count hundredths.
+    # Integers, of old firmware, are in hundredths.
     volts, amperes = (one / 100.0 if isinstance(one, int) else one for one in (fields["Volt"], fields["Curr"]))
-    # MONITOR 3 has no current: both counters stay at nothing.
+    # BATT_MONITOR 3 has no current: both counters stay at zero.
     counts = consumed is not None and (consumed > 0 or amperes > 0)
     battery = int(fields.get("Inst", fields.get("Instance", 0)))
     if remaining is None and counts and consumed is not None and battery == 0 and boot.capacity_ah > 0:
-        # AP_BattMonitor_Backend.cpp: what older firmware told ground stations, and did not log.
+        # AP_BattMonitor_Backend.cpp: older firmware sent this to ground stations, but did not log it.
         remaining = int(max(0.0, min(100.0, 100.0 * (1.0 - consumed / 1e3 / boot.capacity_ah))))
     return messages.Battery(
         battery=battery,
@@ -236,7 +236,7 @@ def _read_position(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilo
 
 
 def _read_gps(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
-    """Read what the satellites say: a place where the log has no better one, with their own speed."""
+    """Read GPS: the position if the log has no better one, and its own velocity."""
     if fields.get("I", 0) != 0:
         return None
     fix, told = int(fields["Status"]), list[messages.FlightMessage]()
@@ -299,14 +299,14 @@ def _read_message(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessa
 
 
 def _read_started_item(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
-    """Read an item that is begun (MISE)."""
+    """Read an item that begins (MISE)."""
     current = messages.MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
     listed = _read_mission_item(boot, t_usec, fields) if "CId" in fields else None
     return (listed, current) if isinstance(listed, messages.ListedItem) else current
 
 
 def _read_mission_item(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
-    """Read an item: it is written when the mission is, and before Copter 4.2 once more when it is begun."""
+    """Read an item: written on upload, and before Copter 4.2 again when it begins."""
     number, frame = int(fields["CNum"]), int(fields.get("Frame", Frame.GLOBAL_RELATIVE_ALT))
     x, y = (round(fields[name] * 1e7) for name in ("Lat", "Lng"))
     one, two, three, four = (float(fields.get(f"Prm{one}", 0.0)) for one in range(1, 5))

@@ -1,9 +1,9 @@
-"""ArduPilot's DataFlash log (.BIN, or .log as text) to our messages, on the vehicle's own clock: time since its boot.
+"""Read ArduPilot's DataFlash log (.BIN, or .log as text) as our messages, timed by the vehicle's time since boot.
 
-A log describes its own records (FMT), so old and new firmware are read alike; which system and which vehicle wrote it
-is looked for before it is read. pymavlink knows what a record's letters and numbers mean. Its reader of files maps the
-whole file, keeps a list of every record and gives up at a damaged description, so this reads the file itself, in
-pieces: only what is wanted is unpacked, of the rest the head alone is looked at.
+A log describes its own records (FMT), so old and new firmware are read alike; the writing firmware and vehicle are
+identified first. pymavlink supplies the meaning of a record's format letters and numbers. Its own file reader maps the
+whole file, lists every record and gives up on a damaged description, so this module reads the file itself, in pieces:
+it unpacks wanted records, and checks only the head of others.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PADDING, PADDED = frozenset({0x00, 0xFF}), 16
 """Padding at the end of a flash block, or of a file cut off when the battery was pulled."""
 HIGHEST = 256
 INSTANCES = ("Inst", "Instance", "I", "C")
-"""Names of the column that tells packs, receivers and filters apart."""
+"""Names of the column for the number of the pack, receiver or filter."""
 LARGEST_LINE = 4096
 Row = tuple[int | None, str, Fields]
 """Microseconds since boot, record type, wanted fields; old types have no time."""
@@ -42,7 +42,7 @@ SYSTEM_PARAMETERS = frozenset({"MAV_SYSID", "SYSID_THISMAV"})
 MOST_SYSTEMS = 256
 BEAT_USEC = 1_000_000
 LATE_USEC = 5_000_000
-"""Most that records of one boot are out of order."""
+"""Most time by which records of one boot are out of order."""
 LEAP_USEC = 600_000_000
 AGREES_USEC = 60_000_000
 """Tolerance within which the next record must confirm a clock jump of more than ten minutes."""
@@ -50,7 +50,7 @@ SURVEY_ROWS = 20_000
 """Leading parameters and texts in which a log identifies its vehicle."""
 MOST_HELD = 5000
 TOLD_ONCE = frozenset({"MODE", "EV", "ERR", "PARM", "MSG"})
-"""Records kept from before the first fix in a log whose only clock is GPS."""
+"""Records kept from before the first fix in a log whose only clock is GPS, as they are logged once."""
 FIXED = 3
 COPTER = 2
 """MAV_TYPE of a copter; the log does not give the number of rotors."""
@@ -68,7 +68,7 @@ SURVEYED = {
 
 @dataclass(slots=True)
 class RecordKind:
-    """What a log says of one kind of its records, and what is wanted of it."""
+    """A record type as the log describes it, with its wanted columns."""
 
     described: DFFormat
     wanted: WantedColumns
@@ -77,7 +77,7 @@ class RecordKind:
     """Time of the last record taken, by instance."""
     columns: tuple[str, ...] = field(init=False)
     time_column: str = field(init=False)
-    """Column of the autopilot's time; empty if there is none."""
+    """Column of the autopilot's time; empty if none."""
     instance_column: str = field(init=False)
     layout: struct.Struct = field(init=False)
 
@@ -85,17 +85,17 @@ class RecordKind:
         there, letters = self.described.columns, dict(zip(self.described.columns, self.described.format, strict=True))
         self.layout = struct.Struct(self.described.msg_struct)
         self.columns = tuple(column for column in there if column in self.wanted.columns)
-        # TimeMS of an old GPS record is that of the satellites.
+        # TimeMS of an old GPS record is the satellites' time.
         times = ("TimeUS", "T") if self.described.name == "GPS" else ("TimeUS", "TimeMS")
         self.time_column = next((column for column in times if column in letters), "")
         instances = (column for column in INSTANCES if letters.get(column) == "B")
         self.instance_column = next(instances, "")
 
     def read_record(self, values: Sequence[Any]) -> Row | None:
-        """Return what is wanted of a record; None if it follows another of its instance too soon.
+        """Return a record's wanted columns; None if it follows another of its instance too soon.
 
         Raises:
-            ValueError: a text is no number.
+            ValueError: A text is no number.
         """
         record, t_usec = DFMessage(self.described, values, not self.in_text, None), None
         if self.time_column:
@@ -110,7 +110,7 @@ class RecordKind:
 
 @dataclass(slots=True)
 class Rows(ABC):
-    """A log, read once."""
+    """Records of a log, read once."""
 
     path: Path
     wanted: Mapping[str, WantedColumns]
@@ -125,15 +125,15 @@ class Rows(ABC):
 
     @property
     def is_timed(self) -> bool:
-        """Whether any kind that is wanted has the autopilot's own time."""
+        """Return whether any wanted record type has the autopilot's own time."""
         return any(one.time_column for one in self.formats.values())
 
     @abstractmethod
     def __iter__(self) -> Iterator[Row]:
-        """Yield what is wanted, in the order of the file."""
+        """Yield the wanted records, in the order of the file."""
 
     def _describe_kind(self, key: int | str, length: int, name: str, letters: str, columns: Sequence[str]) -> None:
-        """Note that the log describes a kind, and how to read it if it is wanted and can be read."""
+        """Note a record type that the log describes, and how to read it if it is wanted and readable."""
         self.kinds.add(name)
         self.formats.pop(key, None)
         if name not in self.wanted:
@@ -150,7 +150,7 @@ class Rows(ABC):
 
 @dataclass(slots=True)
 class BinaryRows(Rows):
-    """A .BIN."""
+    """Records of a .BIN."""
 
     sizes: list[int] = field(default_factory=lambda: [0] * HIGHEST)
     """Record sizes by number; 0 without a format."""
@@ -160,7 +160,7 @@ class BinaryRows(Rows):
         yield from read_in_chunks(self.path, self._read_piece)
 
     def _read_piece(self, buffer: bytes, last: bool) -> Generator[Row, None, int]:
-        """Yield the rows of a piece; returns where the rest begins. Calls would take most of the time."""
+        """Yield the rows of a piece; return where the rest begins. Inlined, as calls would take most of the time."""
         at, size, sizes, formats = 0, len(buffer), self.sizes, self.formats
         while at + HEAD_SIZE <= size:
             number = buffer[at + 2]
@@ -176,7 +176,7 @@ class BinaryRows(Rows):
                 at = self._skip_garbage(buffer, at, last=last, told=True)
                 continue
             if end < size and buffer[end] != HEAD[0] and not _is_padding(buffer[end : end + PADDED]):
-                # Bytes are missing in it, or it is none.
+                # Bytes are missing, or this is no record.
                 at = self._skip_garbage(buffer, at, last=last)
                 continue
             self._in_garbage = False
@@ -212,7 +212,7 @@ class BinaryRows(Rows):
 
 
 class TextRows(Rows):
-    """A .log, as ground stations write it from a DataFlash log: a record a line, its numbers in their own units."""
+    """Records of a .log, as ground stations convert a DataFlash log: one per line, numbers in display units."""
 
     in_text = True
 
@@ -238,7 +238,7 @@ class TextRows(Rows):
         count = len(known.described.columns)
         if len(texts) >= count:
             with suppress(ValueError, OverflowError):
-                # A text at the end may have commas of its own.
+                # A text in the last column may contain commas.
                 return known.read_record([*texts[: count - 1], ",".join(texts[count - 1 :])])
         self.skipped.unreadable += 1
         return None
@@ -250,24 +250,24 @@ def _is_padding(behind: bytes) -> bool:
 
 @dataclass(slots=True)
 class DataFlashFile(RecordedFile):
-    """A log being read once."""
+    """A DataFlash log, read once."""
 
     text: bool = False
     system: int = SYSTEM
     vehicle_type: int = COPTER
     _now_usec: int | None = None
     _held: list[tuple[str, Fields]] = field(default_factory=list)
-    """Records without a time before the first one with a time."""
+    """Untimed records before the first timed one."""
     _doubted: tuple[int, str, Fields] | None = None
-    """A record whose time is implausible until the next one confirms it."""
+    """A record with an implausible time, until the next one confirms it."""
     _boot: ArduPilotBoot = field(default_factory=ArduPilotBoot)
     _beat_usec: int = 0
 
     def read_records(self) -> Iterator[Record]:
-        """Yield what the log says, in its order, with a heartbeat a second.
+        """Yield the log's messages in order, with one heartbeat a second.
 
         Raises:
-            LogError: not such a log at all.
+            LogError: The file is no such log.
         """
         if self.path.stat().st_size == 0:
             self.notes.append("it is empty")
@@ -294,7 +294,7 @@ class DataFlashFile(RecordedFile):
         return (TextRows if self.text else BinaryRows)(self.path, wanted, skipped)
 
     def _find_writer(self) -> bool:
-        """Look for who wrote the log; returns whether it can be read."""
+        """Identify the writer of the log; return whether it can be read."""
         rows, system, kind = self._open_rows(SURVEYED, SkippedRecords()), None, None
         for number, (_, name, fields) in enumerate(rows):
             if name == "PARM" and fields.get("Name") in SYSTEM_PARAMETERS and 0 < fields.get("Value", 0) < MOST_SYSTEMS:
@@ -311,7 +311,7 @@ class DataFlashFile(RecordedFile):
         return True
 
     def _attach_time(self, row: Row, rows: Rows) -> Iterable[tuple[int, str, Fields]]:
-        """Return a record with its time, and before it one whose time is no longer doubted; nothing while it is."""
+        """Return a record with its time, after any record it confirms; nothing while it is doubtful."""
         t_usec, kind, fields = row if row[0] is not None else _with_satellites_time(row, rows)
         if self._now_usec is None:
             if t_usec is not None or kind in TOLD_ONCE or rows.is_timed:
@@ -335,7 +335,7 @@ class DataFlashFile(RecordedFile):
             self.skipped.impossible += before is not None
             return []
         if t_usec < self._now_usec:
-            self._boot = ArduPilotBoot()  # another boot: it was neither armed nor in a mode
+            self._boot = ArduPilotBoot()  # another boot: arming and mode are unknown
         self._now_usec, self._doubted = t_usec, None
         return [(min(before[0], t_usec), *before[1:]), (t_usec, kind, fields)]
 
@@ -361,7 +361,7 @@ class DataFlashFile(RecordedFile):
 
 
 def _with_satellites_time(row: Row, rows: Rows) -> Row:
-    """Return a record of a log of 2013, which has no time of its own, with that of its fix."""
+    """Return a record of a log of 2013, which has no times, with the time of its GPS fix."""
     _, kind, fields = row
     if kind != "GPS" or rows.is_timed or fields.get("Status", 0) < FIXED:
         return row

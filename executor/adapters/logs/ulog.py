@@ -1,7 +1,7 @@
-"""PX4's ULog (.ulg) to our messages, on the vehicle's own clock (microseconds since its boot).
+"""Read PX4's ULog (.ulg) as our messages, timed by the vehicle's clock (microseconds since boot).
 
-pyulog reads the file; only the topics that are used are kept, and of them only the rows that may say something new.
-Topics and fields came, went and changed their names between 1.5 and 1.17; what a log does not have stays unknown.
+pyulog reads the file; only the topics in use are kept, and of them only rows that may hold something new. Topics and
+fields were added, removed and renamed between 1.5 and 1.17; missing values stay unknown.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ FAILED: Mapping[str, tuple[str, str]] = MappingProxyType({
     "data_link_lost": ("ground station", "ground station lost"),
     "engine_failure": ("motor", "motor failed"),
 })  # fmt: skip
-"""Flags, and the kind of failsafe that each triggers."""
+"""Failure flags, and the kind of failsafe that each triggers."""
 VALID: Mapping[str, tuple[str, str]] = MappingProxyType({
     "condition_global_position_valid": ("gps", "global position invalid"),
     "condition_local_position_valid": ("ekf", "local position invalid"),
@@ -74,12 +74,12 @@ VALID: Mapping[str, tuple[str, str]] = MappingProxyType({
 })  # fmt: skip
 """vehicle_status_flags before 1.14: flags of valid conditions."""
 CRITICAL = 2
-"""battery_warning of failsafe_flags and battery_status: critical, and above it emergency and failed."""
+"""battery_warning of failsafe_flags and battery_status: critical; higher values are emergency and failed."""
 UNNAMED = ("other", "failsafe")
 """Failure names for logs without a flag for the cause."""
 QUADROTOR = 2
 TYPES: Mapping[int, int] = {2: 1, 3: 10, 4: 7}
-"""vehicle_status.vehicle_type to MAV_TYPE, except rotary wing: fixed wing, rover, airship."""
+"""vehicle_status.vehicle_type to MAV_TYPE, other than rotary wing: fixed wing, rover, airship."""
 STANDBY, ACTIVE, CRITICAL_STATE = 3, 4, 5
 HALF = 128
 CHANNELS = 18
@@ -99,7 +99,7 @@ STALE_USEC = 3_000_000
 """Age after which the GPS position is used instead of the filter's."""
 FIXED = 3
 UNKNOWN_M = 100.0
-"""Accuracy beyond which a receiver has no fix."""
+"""Least accuracy at which a receiver counts as without a fix."""
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 OF_EACH = frozenset({"sensor_gps"})
 """Topics with one instance per receiver; the first is read."""
@@ -108,19 +108,19 @@ LONGEST_USEC = 3 * 86400 * 1_000_000
 
 
 TopicRow: TypeAlias = Mapping[str, float]
-"""One row of a topic: the fields that this version of the firmware has."""
+"""One row of a topic: the fields of this firmware version."""
 Px4Messages: TypeAlias = messages.FlightMessage | tuple[messages.FlightMessage, ...] | None
 
 
 @dataclass(slots=True)
 class Px4State:
-    """What is known of the vehicle."""
+    """Known state of the vehicle."""
 
     beat: tuple[int, bool] | None = None
-    """Mode, and whether it is armed."""
+    """Mode, and whether the vehicle is armed."""
     beat_usec: int = -BEAT_USEC
     velocity_m_s: tuple[float, float, float] | None = None
-    """North, east, down, from the local position."""
+    """Velocity north, east, down, from the local position."""
     height_m: float | None = None
     """Height above the filter's origin, from the local position."""
     begun_msl_m: float | None = None
@@ -129,11 +129,11 @@ class Px4State:
     landed: bool | None = None
     item: tuple[int, int] | None = None
     failing: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """Raised flags in order of time, with their subjects."""
+    """Raised flags with their subjects, in order of time."""
     failed: messages.OwnFailsafe | None = None
-    """Failsafe that acts now."""
+    """Failsafe now in action."""
     asked: tuple[int, messages.Actor] = (-ORDERED_USEC, messages.Actor.UNKNOWN)
-    """Time and author of the last mode request."""
+    """Time and source of the last mode request."""
     switches: tuple[int, ...] | None = None
     finished: bool = False
 
@@ -163,7 +163,7 @@ def _find_mode_actor(vehicle: Px4State, t_usec: int, row: TopicRow, *, acts: boo
 
 
 def _update_failsafe(vehicle: Px4State, *, acts: bool) -> Iterator[messages.OwnFailsafe]:
-    """Yield what began to act or ended; the flag that rose last is the reason."""
+    """Yield failsafes that begin or end; the flag raised last is the reason."""
     if acts:
         what, said = next(reversed(vehicle.failing.values()), UNNAMED)
         if vehicle.failed is None or (vehicle.failed.what != what and what != UNNAMED[0]):
@@ -193,7 +193,7 @@ def _read_vehicle_command(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4M
     if command not in recorded_log.MODE_COMMANDS:
         return None
     if not row.get("from_external", 1):
-        vehicle.asked = (t_usec, messages.Actor.MISSION)  # the navigator flies an item: a return, a landing
+        vehicle.asked = (t_usec, messages.Actor.MISSION)  # the navigator flies an item: RTL, landing
         return None
     vehicle.asked = (t_usec, messages.Actor.GROUND_STATION)
     main, sub = row["param2"], row["param3"]
@@ -210,7 +210,7 @@ def _read_action_request(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Me
 
 
 def _read_event(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
-    """Read an event: what has failed, or who asks for a mode."""
+    """Read an event: a failure, or a mode request and its source."""
     size = sum(f"arguments[{one}]" in row for one in range(ARGUMENT_BYTES))
     said = parse_px4_event(int(row["id"]), bytes(int(row[f"arguments[{one}]"]) for one in range(size)))
     if isinstance(said, messages.ModeChange):
@@ -220,11 +220,11 @@ def _read_event(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
 
 
 def _read_mode_switches(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
-    """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
+    """Note that the pilot moved a mode switch: before 1.13 this is the only evidence."""
     switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
     if switches and vehicle.switches not in {None, switches}:
         vehicle.asked = (t_usec, messages.Actor.PILOT)
-    vehicle.switches = switches or vehicle.switches  # a topic of another version of the firmware has none of them
+    vehicle.switches = switches or vehicle.switches  # a topic of another firmware version lacks them
     return None
 
 
@@ -251,7 +251,7 @@ def _read_battery(_: Px4State, __: int, row: TopicRow) -> messages.Battery | Non
         consumed_ah=float(discharged) / 1e3 if sensed and discharged >= 0 else None,
         charge_state=WARNINGS.get(int(row.get("warning", 0)), 0),
         faults=0,
-        # Where cells are not measured PX4 divides the voltage by their number.
+        # If cells are not measured, PX4 divides the voltage by their number.
         cells_v=known if len(set(known)) > 1 else (),
     )
 
@@ -272,7 +272,7 @@ def _read_global_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4M
 
 
 def _read_gps(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
-    """Read the receiver's fix, and its place where the log has none of the filter."""
+    """Read the GPS fix, and its position if the log has no filter position."""
     vehicle.received_usec = t_usec
     told = _build_gps(t_usec, row)
     place = _read_receiver_position(vehicle, t_usec, row)
@@ -280,7 +280,7 @@ def _read_gps(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
 
 
 def _read_receiver(vehicle: Px4State, t_usec: int, row: TopicRow) -> messages.Gps | None:
-    """Read a receiver's own topic, where the log has none of what is made of all of them."""
+    """Read a receiver's own topic if the log lacks the combined one."""
     return None if t_usec - vehicle.received_usec < STALE_USEC else _build_gps(t_usec, row)
 
 
@@ -316,7 +316,7 @@ def _build_position(
 
 
 def _read_height_target(vehicle: Px4State, _: int, row: TopicRow) -> messages.HeightTarget | None:
-    """Read its controller's target; a landing and a take-off may have none."""
+    """Read the controller's height target; a landing and a take-off may have none."""
     down_m = float(row["z"])
     return (
         messages.HeightTarget(-down_m - vehicle.height_m)
@@ -354,11 +354,11 @@ def _read_mission_result(vehicle: Px4State, t_usec: int, row: TopicRow) -> messa
 
 @dataclass(frozen=True, slots=True)
 class TopicReader:
-    """How a topic is read."""
+    """How to read a topic."""
 
     read: Callable[[Px4State, int, TopicRow], Px4Messages]
     every_usec: int = 0
-    """Shortest interval between rows to read."""
+    """Shortest interval between rows read."""
 
 
 TOPICS: Mapping[str, TopicReader] = {
@@ -386,16 +386,16 @@ TOPICS: Mapping[str, TopicReader] = {
 
 @dataclass(slots=True)
 class UlogFile(recorded_log.RecordedFile):
-    """A .ulg being read."""
+    """A .ulg, read once."""
 
     def read_records(self) -> Iterator[recorded_log.Record]:
-        """Yield what the log says, in the order of its time.
+        """Yield the log's messages in order of time.
 
         Raises:
-            LogError: not such a log at all.
+            LogError: The file is no such log.
         """
         try:
-            # pyulog prints what it does not understand, which is no output of ours.
+            # pyulog prints what it does not understand; that is not our output.
             with self.path.open("rb") as file, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                 log = ULog(file, list(TOPICS))
         except Exception as error:
@@ -425,10 +425,10 @@ class UlogFile(recorded_log.RecordedFile):
                     yield t_usec, system, known
 
     def _read_rows(self, dataset: Any, topic: TopicReader, began_usec: int) -> Iterator[_Turn]:  # noqa: ANN401 - pyulog is untyped
-        """Yield the rows of a topic that may say something new."""
+        """Yield the rows of a topic that may hold something new."""
         data, times = dataset.data, dataset.data["timestamp"]
         last_usec = -LONGEST_USEC
-        for index in times.argsort(kind="stable"):  # in damaged files they are in any order
+        for index in times.argsort(kind="stable"):  # damaged files have them in any order
             t_usec = int(times[index])
             if not _is_near(t_usec, began_usec):
                 self.skipped.impossible += 1
@@ -461,7 +461,7 @@ def _find_system(log: ULog) -> int:
 def _read_texts(log: ULog, began_usec: int) -> Iterator[_Turn]:
     for text in sorted(log.logged_messages, key=lambda one: one.timestamp):
         if _is_near(text.timestamp, began_usec):
-            # Its level is a digit, and its console's colours are no part of it.
+            # The level is a digit; drop the console's colours.
             level = text.log_level - ord("0") if text.log_level >= ord("0") else text.log_level
             words = formatting.escape_controls(_COLOUR.sub("", str(text.message)))
             yield int(text.timestamp), _repeat, messages.StatusText(level, words)

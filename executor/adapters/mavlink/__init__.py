@@ -1,1 +1,1 @@
-"""MAVLink on the wire: the codec, and the link to one vehicle."""
+"""MAVLink: the codec, and the link to each vehicle."""

@@ -1,7 +1,8 @@
-"""MAVLink frames to our messages and back: the only place where pymavlink is used to fly.
+"""Convert MAVLink frames to our messages and back: the only module that flies with pymavlink.
 
-Only pymavlink's codec class is used: its connections block. Whatever a vehicle marks as unknown becomes None here, and
-so does what it cannot mean; of its components the autopilot alone speaks for it, and no text has what a terminal obeys.
+Only pymavlink's codec class is used, as its connections block. Values that a vehicle marks as unknown, or that are
+impossible, become None. Of a vehicle's components only the autopilot speaks for it. Texts are stripped of control
+characters for terminals.
 """
 
 from __future__ import annotations
@@ -41,31 +42,31 @@ FILE_HEAD, FILE_BYTES = struct.Struct("<HBBBBBxI"), 251
 FILE_ACK, FILE_NAK = 128, 129
 
 OF_ANYBODY = frozenset({mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS})
-"""Messages that are read from any sender; of the rest it is enough that they are whole."""
+"""Messages that are read from any sender; of other strangers' frames only the checksum is checked."""
 
 MOST_WRONG = 500
-"""Marks at once that begin no frame, until all that came with them is noise: 60 kB of them took 0.4 s to go through."""
+"""Marks without a frame after which the rest of a read counts as noise: 60 kB of them took 0.4 s to parse."""
 
 
 @dataclass(eq=False, repr=False)
 class FrameParser:
-    """Cuts a stream of bytes into frames, wherever it was cut on its way.
+    """Cut a byte stream into frames, wherever it was split.
 
-    A frame counts only with its checksum. Where there is none the search goes on one byte later, so that a start mark
-    among noise costs no frame that follows it. The checksum of a message that pymavlink does not know cannot be seen:
-    in a datagram such a frame counts where another or the end follows it, as there is no noise between.
+    A frame counts only with a valid checksum. If there is none, the search continues one byte later, so that a start
+    mark in noise costs no later frame. The checksum of a message unknown to pymavlink cannot be checked: in a datagram,
+    which has no noise, it counts if another frame or the end follows.
     """
 
     in_datagrams: bool = False
-    """Whether nothing but frames is to be expected, and none goes on in what comes next."""
+    """Whether input holds only frames, none of which continues in the next datagram."""
     systems: Collection[int] | None = None
-    """Whose frames are taken apart, everybody's if None. A flood of strangers' must not cost what the fleet's do: of
-    theirs all but `OF_ANYBODY` come as unknown messages, with their header."""
+    """Systems whose frames are decoded, all if None. A flood of strangers' frames must not cost as much as the fleet's:
+    of these all but `OF_ANYBODY` become unknown messages, with their header."""
     _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None))
     _buffer: bytearray = field(default_factory=bytearray)
 
     def feed(self, data: bytes) -> list[Any]:
-        """Take the next bytes; return the frames that are whole now."""
+        """Take further bytes; return the frames that are now complete."""
         self._buffer += data
         frames, at, wrong = [], 0, 0
         while (end := self._find_frame_end(at)) <= len(self._buffer):
@@ -81,7 +82,7 @@ class FrameParser:
         return frames
 
     def _find_frame_end(self, at: int) -> int:
-        """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
+        """Return the end of a frame that begins here: this position if none does, past the buffer if unknown."""
         buffer = self._buffer
         if at >= len(buffer):
             return sys.maxsize
@@ -100,7 +101,7 @@ class FrameParser:
         return end
 
     def _is_followed(self, end: int) -> bool:
-        """Return whether a frame that ends here fills its datagram, or another begins behind it."""
+        """Return whether a frame that ends here is the last of its datagram or another one follows."""
         size = len(self._buffer)
         return self.in_datagrams and (end == size or (end < size and self._buffer[end] in HEADS))
 
@@ -114,14 +115,14 @@ class FrameParser:
             frame = _build_raw_frame(data) if self._is_unread_kind(data) else self._mav.decode(data)
         except (mav.MAVError, struct.error, UnicodeDecodeError):
             return None
-        if frame is not None and isinstance(frame, mav.MAVLink_unknown):  # pymavlink says nothing of who sent it
+        if frame is not None and isinstance(frame, mav.MAVLink_unknown):  # pymavlink leaves out its sender
             system = 3 if data[0] == V1 else 5
             frame.get_header().srcSystem, frame.get_header().srcComponent = data[system], data[system + 1]
             frame.get_header().seq = data[system - 1]
         return frame
 
     def _is_unread_kind(self, data: bytearray) -> bool:
-        """Return whether nobody here wants to know what a frame says."""
+        """Return whether a frame's content is not needed."""
         if self.systems is None:
             return False
         system = data[3] if data[0] == V1 else data[5]
@@ -129,7 +130,7 @@ class FrameParser:
 
 
 def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
-    """Return a frame that is not taken apart; None if its checksum is wrong."""
+    """Return a frame that is not decoded; None if its checksum is wrong."""
     number = message_id_of(data)
     kind = mav.mavlink_map.get(number)
     if kind is not None and not frame_layout.has_valid_checksum(data, kind.crc_extra):
@@ -138,74 +139,74 @@ def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
 
 
 _KINDS = {int(kind): kind for kind in MissionKind}
-"""MAV_MISSION_TYPE of the lists that are followed here."""
+"""MAV_MISSION_TYPE of the lists that are followed."""
 RADIO = "RADIO_STATUS"
 _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
-"""FIRMWARE_VERSION_TYPE; 255, official, goes without a word."""
+"""FIRMWARE_VERSION_TYPE; 255, official, has no suffix."""
 
 
 Sender = tuple[int, int]
-"""System and component that a frame names as its sender."""
+"""System and component id of a frame's sender."""
 KEPT_BEATS, KEPT_EVENTS = 8, 64
-"""An echo comes at once. Another station with our number says nearly the same in frames of other numbers."""
+"""HEARTBEATs and events kept to recognise an echo, which arrives at once. Another station with our id sends nearly the
+same content, but with other sequence numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class DecodedFrame:
-    """One frame that was understood."""
+    """A decoded frame."""
 
     sysid: int
     compid: int
     seq: int
     frame: bytes
     message: messages.Message | None
-    """None for a message that nobody here follows."""
+    """None for a message that is not followed."""
     more: tuple[messages.Message, ...] = ()
-    """What else this frame brings to an end: a text whose last part never came."""
+    """Further messages that this frame completes: a text whose last part never arrived."""
     own: bool = True
-    """Whether the vehicle's autopilot says it, not another component, or a radio on the way."""
+    """Whether it is from the vehicle's autopilot, not from another component or a radio in between."""
     refused: FrameRejection | None = None
-    """Why it is not believed, where frames must be signed."""
+    """Reason for rejection if frames must be signed."""
 
 
 @dataclass(eq=False, repr=False)
 class MavlinkCodec:
-    """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
+    """Codec for all vehicles behind one endpoint."""
 
     _signing: LinkSigning | None = None
-    """Frames are signed with it, both ways."""
+    """Signs outgoing frames, and checks incoming ones."""
     radios: Collection[Sender] | None = None
-    """Whose RADIO_STATUS is taken without a signature: of these, or, if it is None, of everybody where nothing is
-    signed and of nobody where frames are."""
+    """Radios whose RADIO_STATUS is accepted without a signature. None: any if signing is off, none if it is on."""
     systems: Collection[int] | None = None
-    """Whose frames are read, everybody's if None; see `FrameParser`."""
+    """Systems whose frames are read, all if None; see `FrameParser`."""
     overhears: bool = False
-    """Whether what others say to each other is read as well, as in a log: nobody is us."""
+    """Whether dialogues between others are read too, as in a log; then no system is us."""
     station: Sender = messages.GROUND_STATION
-    """Who we are."""
+    """Our system and component id."""
     _mav: mav.MAVLink = field(init=False)
     _datagrams: FrameParser = field(init=False)
     _beats: deque[bytes] = field(default_factory=lambda: deque(maxlen=KEPT_BEATS))
-    """Our last HEARTBEATs as they went out."""
+    """Our last HEARTBEATs as sent."""
     texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
     _sent: dict[int, int] = field(default_factory=dict)
-    """How many frames went to each system: each is numbered as a stream of its own."""
+    """Number of frames sent to each system: each system's stream has its own sequence numbers."""
     _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
     _events: dict[int, deque[tuple[int, int, int]]] = field(default_factory=dict)
-    """The last that each PX4 told: a ground station that missed one has it sent once more to all."""
+    """Last events of each PX4: if a ground station missed one, PX4 repeats it to all."""
     autopilots: dict[int, int] = field(default_factory=dict)
-    """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
+    """MAV_AUTOPILOT of each system, once its heartbeat was received: autopilots pack integer parameters in two ways."""
 
     def __post_init__(self) -> None:
         self._mav = mav.MAVLink(None, *self.station)
         self._datagrams = FrameParser(in_datagrams=True, systems=self.systems)
 
     def decode(self, data: bytes) -> Iterator[DecodedFrame]:
-        """Yield every frame of a datagram; no frame goes on in the next."""
+        """Yield every frame of a datagram; no frame continues in the next one."""
         yield from self.read(self._datagrams.feed(data))
 
     def read(self, frames: Iterable[Any]) -> Iterator[DecodedFrame]:
-        """Yield what a `FrameParser`'s frames say."""
+        """Yield the messages in a `FrameParser`'s frames."""
         for frame in frames:
             source = (frame.get_srcSystem(), frame.get_srcComponent())
             refusal = self._find_rejection(frame, source)
@@ -226,7 +227,7 @@ class MavlinkCodec:
             elif isinstance(frame, mav.MAVLink_unknown):
                 more += self._parse_px4_event(frame)
             if frame.get_type() == "STATUSTEXT":
-                # The raw field: pymavlink's own reading loses every byte that is not ASCII.
+                # The raw field: pymavlink's own decoding loses every byte that is not ASCII.
                 raw = frame._text_raw  # noqa: SLF001
                 more += self.texts.add_part(source, frame.severity, raw, frame.id, frame.chunk_seq)
             speaker = self._speakers.get(source[0], AutopilotComponent())
@@ -253,7 +254,7 @@ class MavlinkCodec:
             self.autopilots[system] = beat.autopilot
 
     def parse_whole(self, frame: bytes) -> Frame:
-        """Return a frame, of which it is known that it is whole, with its fields by MAVLink's names."""
+        """Return a frame, known to be complete, with its fields by MAVLink name."""
         return self._mav.decode(bytearray(frame))
 
     def encode(self, message: messages.Outgoing, sysid: int, compid: int) -> bytes:
@@ -270,13 +271,13 @@ class MavlinkCodec:
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Mapping[str, object]
     ) -> tuple[bytes, tuple[messages.Message, ...]] | None:
-        """Return a frame of a message that another parser took apart, and what it says; None if it is not known.
+        """Return the frame and the messages of fields that another parser decoded; None if the message is unknown.
 
         Args:
-            name: MAVLink's name of the message.
-            sysid: who sent it.
-            compid: its component.
-            fields: by MAVLink's names; None stands for a float that is not finite.
+            name: MAVLink name of the message.
+            sysid: System id of the sender.
+            compid: Component id of the sender.
+            fields: Fields by MAVLink name; None stands for a float that is not finite.
         """
         packed = _pack_fields(name, sysid, compid, fields)
         if packed is None:
@@ -290,7 +291,7 @@ class MavlinkCodec:
     def write_fields(
         self, message: messages.Outgoing, sysid: int, compid: int
     ) -> tuple[str, Mapping[str, object], bytes] | None:
-        """Return the name, fields and frame of a message; None if its fields as numbers would not be the same."""
+        """Return the name, fields and frame of a message; None if its fields as numbers would differ."""
         packed = self.encode(message, sysid, compid)
         frame = self._mav.decode(bytearray(packed))
         fields = {
@@ -317,14 +318,14 @@ class MavlinkCodec:
         if frame.get_type() == RADIO and not self._is_accepted_radio(frame):
             return None
         if frame.get_type() == "HEARTBEAT" and bytes(frame.get_msgbuf()) in self._beats:
-            return None  # a router's echo of ours
+            return None  # a router's echo of our frame
         read = _READERS.get(frame.get_type())
         message = None if read is None else read(frame)
         return None if message is None else filter_implausible(message)
 
     def _parse_order(self, frame: Frame) -> messages.OrderSeen | None:
-        """Return what another station orders, if that changes a mode."""
-        # Under our own number it may be a router's echo of ours.
+        """Return another station's command if it changes a mode."""
+        # With our own id it may be a router's echo of our frame.
         source, target = (frame.get_srcSystem(), frame.get_srcComponent()), frame.target_system
         ordered = message_readers.read_mode_order(frame, self.autopilots.get(target))
         if ordered is None:
@@ -333,10 +334,10 @@ class MavlinkCodec:
         return messages.OrderSeen(*ordered, None if is_ours else source[0], target)
 
     def _parse_acknowledged_order(self, ack: Frame) -> Iterator[messages.OrderSeen]:
-        """Yield the order that an autopilot says it follows, if that changes a mode."""
+        """Yield the command that an autopilot acknowledges if it changes a mode."""
         system, to, command = ack.get_srcSystem(), ack.target_system, message_readers.read_accepted_order(ack)
         if ack.get_srcComponent() != self._speakers.get(system, AutopilotComponent()).component or to == system:
-            return  # of a gimbal, or to a computer on board
+            return  # from a gimbal, or to a companion computer
         if command is not None:
             yield messages.OrderSeen(command, None, None if self._is_for_us(ack) else to, system)
 
@@ -353,13 +354,13 @@ class MavlinkCodec:
             yield said
 
     def _is_for_us(self, frame: Frame) -> bool:
-        """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
+        """Return whether a message is not addressed to another ground station; 0 addresses all."""
         ours = zip(("target_system", "target_component"), self.station, strict=True)
         return self.overhears or all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
     def _is_accepted_radio(self, radio: Frame) -> bool:
         named = self.radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self.radios
-        return named or self._signing is not None  # which has let it through
+        return named or self._signing is not None  # which accepted it
 
 
 _ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
@@ -367,7 +368,7 @@ _COMMANDS = mav.enums["MAV_CMD"]
 
 
 def name_command(number: int) -> str:
-    """Return MAVLink's name of a MAV_CMD."""
+    """Return the MAVLink name of a MAV_CMD."""
     return str(_COMMANDS[number].name) if number in _COMMANDS else f"command {number}"
 
 
@@ -383,7 +384,7 @@ def _find_target_offset(number: int) -> int | None:
 
 
 def target_of(frame: bytes) -> int:
-    """Return the system that a whole frame is for; 0 for everybody."""
+    """Return a complete frame's target system; 0 for all."""
     at = _find_target_offset(message_id_of(frame))
     return 0 if at is None else frame_layout.payload_of(frame, at + 1)[at]
 
@@ -392,7 +393,7 @@ _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
 
 
 def _pack_fields(name: str, sysid: int, compid: int, fields: Mapping[str, object]) -> bytes | None:
-    """Return the frame of a message; None if it is not known, or another parser's definition of it is another one."""
+    """Return the frame of a message; None if it is unknown, or the other parser's definition differs."""
     if name == message_readers.EVENT_NAME:
         return message_readers.build_event_frame(fields, sysid, compid)
     kind = _BY_NAME.get(name)
@@ -429,7 +430,7 @@ def _read_heartbeat(frame: Frame) -> messages.Heartbeat | messages.StationHeard 
 def _make_mission_reader(
     build: Callable[..., messages.Message], read_part: Callable[[Any], object], *more: Callable[[Any], object]
 ) -> Any:  # noqa: ANN401
-    """Return a reader of what is said of a mission, a fence or rally points: a part, which list it is of, and more."""
+    """Return a reader for a part of a mission, fence or rally-point transfer: the part, its list, and more."""
 
     def read(frame: Frame) -> messages.Message | None:
         kind = _KINDS.get(frame.mission_type)
@@ -441,7 +442,7 @@ def _make_mission_reader(
 def _read_version(frame: Frame) -> messages.Version | None:
     packed = frame.flight_sw_version
     if packed == 0:
-        return None  # not filled in
+        return None  # not set
     return messages.Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
@@ -473,7 +474,7 @@ _READERS: dict[str, Any] = {
 
 
 NOBODY = 255
-"""To whom a filler is addressed: a vehicle answers only what is for itself, or for all."""
+"""Target system of a filler: a vehicle answers only messages for itself or for all."""
 
 
 def _build_file_payload(request: messages.FileRequest) -> list[int]:

@@ -1,7 +1,7 @@
-"""Endpoints, UDP, TCP and serial ports, each for all vehicles behind it, and the link to each of these vehicles.
+"""Endpoints (UDP, TCP and serial ports), each for all vehicles behind it, and the link to each of these vehicles.
 
-A byte stream that breaks is opened again for as long as the links are wanted. Meanwhile its vehicles are silent, which
-is what the link watchpoint is for; nothing here raises once the links are open.
+A broken byte stream is reopened for as long as its links are needed. Meanwhile its vehicles are silent, which the link
+watchpoint covers; once the links are open, nothing here raises.
 """
 
 from __future__ import annotations
@@ -27,26 +27,25 @@ from executor.errors import ConnectionFailed
 from executor.supervised import call_safely, run_beside
 
 MOST_SOURCES = 8
-"""Addresses, or strange systems, that are remembered."""
+"""Most addresses, or foreign systems, remembered."""
 ENOUGH_FRAMES, ENOUGH_BEATS = 80, 5
-"""Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log; or, where little comes, with
-every fifth."""
+"""Frames, or HEARTBEATs on a slow stream, after which frame counts are reported, with a HEARTBEAT as in a log."""
 LATE_FRAMES = 32
-"""A frame that is this far behind the newest may have been overtaken: links reorder within some tenths of a second."""
+"""Most frames behind the newest that an overtaken frame arrives: links reorder within some tenths of a second."""
 KEPT_BEATS = 8
-"""HEARTBEATs of which a copy that comes late is known."""
+"""Number of HEARTBEATs kept to recognise late copies."""
 
 Write = Callable[[bytes], bool]
-"""Sends one frame without waiting; says whether it went anywhere."""
+"""Send one frame without waiting; return whether it was sent."""
 
 
 def discard_frame(_: bytes) -> bool:
-    """Write to a vehicle that is not known yet, or not connected any more."""
+    """Discard a frame to a vehicle that is not known yet, or no longer connected."""
     return False
 
 
 class VehicleLink(Listeners):
-    """Messages of one vehicle; an endpoint brings its frames and says where to write to."""
+    """Messages of one vehicle; an endpoint delivers its frames and sets where to write."""
 
     def __init__(self, sysid: int, codec: MavlinkCodec, log: Callable[[bytes], None] = lambda _: None) -> None:
         super().__init__()
@@ -54,51 +53,52 @@ class VehicleLink(Listeners):
         self.component = AUTOPILOT
         self.counts = LinkCounts(missing=0)
         self.write: Write = discard_frame
-        """Set by the endpoint when it knows where the vehicle is."""
+        """Set by the endpoint once it knows the vehicle's address."""
         self.radio: Hashable | None = None
-        """The radio behind several connections, where the site says that there is one."""
+        """Radio shared by several connections, if the site names one."""
         self.beside: Sequence[VehicleLink] = (self,)
-        """The links of its endpoint, this one among them."""
+        """Links of its endpoint, this one included."""
         self.connection = ""
-        """As the site file has it."""
+        """Connection as in the site file."""
         self.ways, self.is_alive, self.is_used = (self,), True, True
         self.take_frame: Callable[[bytes], bool] = lambda _: True
-        """Called with every frame of the vehicle; whether it is news: the same may have come over another link."""
+        """Called with every frame of the vehicle; returns whether it is new, as it may have arrived over another link
+        before."""
         self._codec = codec
         self._log = log
         self._arrived = self._missing = 0
-        """Frames of the autopilot alone: every component numbers its own."""
+        """Frames received and missing, of the autopilot alone, as each component has its own sequence numbers."""
         self._told = (0, 0)
-        """Arrived and missing frames when they were handed on last."""
+        """Received and missing frames at the last report."""
         self._bytes = self._beats_untold = 0
-        """Of all frames, both ways, and its HEARTBEATs, since then."""
+        """Bytes of all frames in both directions, and HEARTBEATs, since the last report."""
         self._source = ""
         self._beat_source = ""
         self._sources: set[str] = set()
-        """Every address that its frames came from."""
+        """All source addresses of its frames."""
         self._told_places: tuple[str, ...] = ()
         self._last_seq: int | None = None
         self._beat_seq: int | None = None
-        """Of the newest HEARTBEAT."""
+        """Sequence number of the newest HEARTBEAT."""
         self._beats: deque[bytes] = deque(maxlen=KEPT_BEATS)
-        """The last HEARTBEATs as they came."""
+        """Last HEARTBEATs as received."""
         self._absent: set[int] = set()
-        """Sequence numbers that were passed over, as long as they may still come."""
+        """Missing sequence numbers that may still arrive."""
 
     @property
     def peer(self) -> Hashable | None:
-        """Where it is written to: a port, or an address behind one."""
+        """Return the address to write to: a port, or an address behind one."""
         return None if self.write is discard_frame else self.radio or self.write
 
     def send(self, message: messages.Outgoing) -> None:
-        """Send one message; before the vehicle's address is known there is nowhere to send it."""
+        """Send one message; dropped until the vehicle's address is known."""
         if self.write is discard_frame:
             return
         frame = self._codec.encode(message, self.sysid, self.component)
         self.send_frame(frame, to_all=isinstance(message, messages.SendHeartbeat))
 
     def send_frame(self, frame: bytes, *, to_all: bool = False) -> None:
-        """Send a frame as it is; `to_all` if it is for everybody behind the same port."""
+        """Send a frame unchanged; `to_all` if it is for all systems behind the same port."""
         self._bytes += len(frame)
         if self.write(frame):
             for one in self.beside if to_all else (self,):
@@ -106,11 +106,11 @@ class VehicleLink(Listeners):
                     one.record_sent(frame)
 
     def record_sent(self, frame: bytes) -> None:
-        """Record a frame that this vehicle is sent, maybe with others."""
+        """Record a frame that is sent to this vehicle, possibly among others."""
         self._log(frame)
 
     def describe_links(self) -> tuple[LinkView, ...]:
-        """It is one link: nothing is to be told apart."""
+        """Return nothing, as there is only one link."""
         return ()
 
     def receive(self, received: DecodedFrame, source: str = "", write: Write | None = None) -> None:
@@ -118,8 +118,8 @@ class VehicleLink(Listeners):
 
         Args:
             received: The frame.
-            source: The address that it came from, where there is one.
-            write: How to answer there; others that use the vehicle's sysid are not answered.
+            source: Source address, if any.
+            write: How to answer there; other senders with the vehicle's sysid are not answered.
         """
         if received.own and write is not None:
             self.write = write
@@ -141,7 +141,7 @@ class VehicleLink(Listeners):
                 self.hear(message)
 
     def _report_traffic(self) -> None:
-        """Hand on what came and what did not, once it is enough to say something."""
+        """Report frames received and missing once there are enough."""
         received, missing = self._arrived - self._told[0], self._missing - self._told[1]
         self._beats_untold += 1
         if received + missing >= ENOUGH_FRAMES or self._beats_untold >= ENOUGH_BEATS:
@@ -150,11 +150,11 @@ class VehicleLink(Listeners):
             self.hear(told)
 
     def count_refused(self, refusal: FrameRejection) -> None:
-        """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
+        """Count a rejected frame with this vehicle's id, or over its connection."""
         self.counts.refused[refusal.value] = self.counts.refused.get(refusal.value, 0) + 1
 
     def _note_source(self, source: str) -> None:
-        """Note another address; one that comes back to an earlier one is two vehicles, not one that moved."""
+        """Note a new source address; a change back to an earlier one means two vehicles, not one that moved."""
         if source in self._sources:
             places = tuple(sorted(self._sources))
             if places != self._told_places:
@@ -165,11 +165,11 @@ class VehicleLink(Listeners):
         self._source = source
 
     def receive_foreign(self, received: DecodedFrame, source: str = "") -> None:
-        """Take a frame that came over this vehicle's connection, of a system that is nobody's vehicle."""
+        """Take a frame over this vehicle's connection from a system that is not a vehicle of the site."""
         self.counts.foreign += 1
         if len(self.counts.strangers) < MOST_SOURCES:
             self.counts.strangers.setdefault(received.sysid, source)
-        # A SiK radio speaks as a system of its own (51), from where the vehicle behind it does.
+        # A SiK radio sends as a system of its own (51), from the address of the vehicle behind it.
         if isinstance(received.message, messages.Radio) and source != self._beat_source:
             return
         told = received.message
@@ -178,10 +178,10 @@ class VehicleLink(Listeners):
             self.hear(told)
 
     def _is_outdated(self, received: DecodedFrame) -> bool:
-        """Return whether a HEARTBEAT is older than one that came before it: its mode is one that was.
+        """Return whether a HEARTBEAT is older than the last one, so that its mode is outdated.
 
-        It was passed over, or it is a copy. Whatever else seems to be behind counts anew: after a silence of any number
-        of frames, or after a reboot.
+        It was overtaken, or it is a copy. Any other step back restarts the count: after a silence of any number of
+        frames, or after a reboot.
         """
         if not received.own or not isinstance(received.message, messages.Heartbeat):
             return False
@@ -203,7 +203,7 @@ class VehicleLink(Listeners):
         if self._last_seq is not None:
             gap = (received.seq - self._last_seq) % 256
             if gap == 0 or gap > 128:
-                # A duplicate, or a frame that was overtaken on the way: then it is not missing after all.
+                # A duplicate, or an overtaken frame: then it is not missing after all.
                 self._missing -= received.seq in self._absent
                 self._absent.discard(received.seq)
                 self.counts.missing = self._missing
@@ -216,32 +216,32 @@ class VehicleLink(Listeners):
 
 
 MOST_PEERS = 1000
-"""Addresses that are kept: anybody can send from any number of them."""
+"""Most addresses kept: a sender can use any number of them."""
 AGAIN_S = 0.5
-"""Real seconds between two attempts to open a stream again."""
+"""Real seconds between two attempts to reopen a stream."""
 STALLED_BYTES = 8192
-"""A stream that has so much unsent, 0.7 s at 115200 baud, takes no more: old messages are worth nothing."""
+"""Unsent bytes, 0.7 s at 115200 baud, at which a stream counts as stalled; old messages are worthless."""
 UNACKNOWLEDGED_MS = 8000
-"""A TCP peer that acknowledges nothing for so long is gone; our heartbeats ask it every second."""
+"""Longest time without acknowledgement before a TCP peer counts as lost; our heartbeats probe it every second."""
 READ_BYTES = 4096
 RECEIVE_BYTES = 1 << 19
-"""What may wait in a UDP port while the computer is busy: the usual 208 kB are a fifth of a second of what PX4 says at
-four times real time, and the rest would be lost."""
+"""Receive buffer of a UDP port while the computer is busy: the usual 208 kB hold a fifth of a second of PX4's messages
+at four times real time; the rest would be lost."""
 
 
 Tap = Callable[[DecodedFrame, Collection[int]], None]
-"""Is shown every frame of vehicles and radios, with the vehicles that it is about."""
+"""Called with every frame of vehicles and radios, and the vehicles that it is about."""
 
 
 def leave_frame(received: DecodedFrame, about: Collection[int]) -> None:
-    """Do nothing with a frame."""
+    """Ignore a frame."""
 
 
 class Router:
-    """The vehicles behind one endpoint: frames to the right link, and the way back from each."""
+    """Vehicles behind one endpoint: routes frames to their links, and answers back."""
 
     def __init__(self, links: Iterable[VehicleLink], codec: MavlinkCodec, tap: Tap = leave_frame) -> None:
-        """Route to these links, and show what comes of their vehicles and their radio to a tap."""
+        """Route to these links, and pass their vehicles' and radio's frames to a tap."""
         self.codec = codec
         self._tap = tap
         self._links = {link.sysid: link for link in links}
@@ -249,7 +249,7 @@ class Router:
             link.beside = tuple(self._links.values())
 
     def route_frames(self, frames: Iterable[DecodedFrame], write: Write, source: str = "") -> None:
-        """Hand frames on; a vehicle that sent one, from the address `source`, is answered with `write`."""
+        """Route frames; a vehicle that sent one, from the address `source`, is answered with `write`."""
         for received in frames:
             link = self._links.get(received.sysid)
             if received.refused is not None:
@@ -267,15 +267,15 @@ class Router:
                 self._tap(received, (received.sysid,))
 
     def connect_all(self, write: Write) -> None:
-        """Note that all vehicles are at the other end, before they have said anything."""
+        """Assume all vehicles at the other end, before they have sent anything."""
         for link in self._links.values():
             link.write = write
 
     def accept(self, write: Write) -> None:
-        """Note that somebody has called: which vehicles that are is known by what they say."""
+        """Note a new connection; its messages show which vehicles it serves."""
 
     def disconnect(self, write: Write) -> None:
-        """Note that nobody is reached with `write` any more."""
+        """Note that `write` reaches no vehicle any more."""
         for link in self._links.values():
             if link.write == write:
                 link.write = discard_frame
@@ -290,7 +290,7 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._peers: dict[tuple[str, int], Write] = {}
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
+        # asyncio's own datagram transport is no subclass of the class in its documentation (3.11).
         self._transport = cast("asyncio.DatagramTransport", transport)
         with suppress(OSError):
             transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
@@ -299,16 +299,16 @@ class _Datagrams(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         if len(self._peers) > MOST_PEERS:
-            self._peers.clear()  # who still sends is there again with the next datagram
+            self._peers.clear()  # active senders return with their next datagram
         write = self._peers.setdefault(addr, partial(self._write, addr))
-        # asyncio would close the port for good at an internal error.
+        # asyncio would close the port for good on an internal error.
         call_safely("reading a datagram", self._receive, data, write, f"{addr[0]}:{addr[1]}")
 
     def _receive(self, data: bytes, write: Write, source: str) -> None:
         self._router.route_frames(self._router.codec.decode(data), write, source)
 
     def error_received(self, exc: Exception) -> None:
-        """A port where nobody listens yet answers with an error; the link-loss watchpoint covers it."""
+        """Ignore the error of a port without a listener; the link-loss watchpoint covers it."""
 
     def _write(self, addr: tuple[str, int] | None, frame: bytes) -> bool:
         if self._transport is None or self._transport.is_closing():
@@ -363,13 +363,13 @@ class _TcpPeer(asyncio.Protocol):
 def _end_when_unacknowledged(plug: socket.socket) -> None:
     with suppress(OSError):
         plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        option = getattr(socket, "TCP_USER_TIMEOUT", None)  # Linux; elsewhere the system's own patience holds
+        option = getattr(socket, "TCP_USER_TIMEOUT", None)  # Linux only; other systems use their own time-out
         if option is not None:
             plug.setsockopt(socket.IPPROTO_TCP, option, UNACKNOWLEDGED_MS)
 
 
 class _SerialPort:
-    """One opened serial port; reads and writes never wait."""
+    """An open serial port; reads and writes never wait."""
 
     def __init__(self, router: Router, connection: Connection) -> None:
         if sys.platform == "win32":
@@ -411,7 +411,7 @@ class _SerialPort:
         if not self._port.is_open:
             return False
         try:
-            # What the port cannot take now is lost: the receiver finds the next frame behind a half one.
+            # Bytes that the port cannot take now are lost: the receiver finds the next frame after a truncated one.
             return os.write(self._port.fileno(), frame) == len(frame)
         except (BlockingIOError, InterruptedError):
             return False
@@ -434,14 +434,14 @@ async def open_mavlink_links(
 
     Args:
         orders: The links.
-        keyring: Frames are signed, and those of others that are not are refused.
-        radios: Whose RADIO_STATUS is heard without a signature, as for `Codec`.
-        one_radio: Whether they all lead to one radio.
+        keyring: Key for signing; frames of others without a valid signature are rejected.
+        radios: Radios whose RADIO_STATUS is accepted without a signature, as for `MavlinkCodec`.
+        one_radio: Whether all links use one radio.
         station: Our own system and component.
-        tap: Is shown what comes.
+        tap: Called with received frames.
 
     Raises:
-        ConnectionFailed: a port is taken, a device is not there, or a host is not known.
+        ConnectionFailed: A port is in use, a device is missing, or a host is unknown.
     """
     links: dict[str, VehicleLink] = {}
     async with AsyncExitStack() as stack:
@@ -465,13 +465,13 @@ async def open_mavlink_links(
             except (OSError, ValueError) as error:
                 raise ConnectionFailed(f"{connection}: cannot be opened: {describe_open_error(error)}") from error
         yield {name: links[name] for name in orders}
-    await asyncio.sleep(0)  # a closed transport lets go of its socket in the loop's next round
+    await asyncio.sleep(0)  # a closed transport releases its socket in the loop's next round
 
 
 async def open_endpoint(
     connection: Connection, router: Router, stack: AsyncExitStack, *, may_be_absent: bool = False
 ) -> None:
-    """Open an endpoint, a device maybe later, and keep it open until the stack is unwound."""
+    """Open an endpoint, a device possibly later, and keep it open until the stack is unwound."""
     loop, address = asyncio.get_running_loop(), (connection.where, connection.number)
     match connection.scheme:
         case Scheme.UDP_IN | Scheme.UDP_OUT:
@@ -483,7 +483,7 @@ async def open_endpoint(
             server = await loop.create_server(lambda: _TcpPeer(router, peers), *address)
             stack.callback(_close_connections, server, peers)
         case Scheme.TCP_OUT:
-            # Whether the vehicle is there yet does not matter, whether its name is known does.
+            # The vehicle may appear later, but its host name must be known now.
             await loop.getaddrinfo(*address, type=socket.SOCK_STREAM)
             peer = partial(_TcpPeer, router, set[_TcpPeer](), we_called=True)
 
@@ -507,9 +507,9 @@ def _close_connections(server: asyncio.Server, peers: set[_TcpPeer]) -> None:
 
 
 async def _keep_open(opens: Callable[[], Awaitable[_TcpPeer | _SerialPort]]) -> None:
-    """Open a stream, and open it again whenever it is lost, or its device was unplugged."""
+    """Open a stream, and reopen it whenever it is lost or its device was unplugged."""
     while True:
-        with suppress(OSError):  # pyserial's errors are
+        with suppress(OSError):  # pyserial's errors are OSErrors
             stream = await opens()
             try:
                 await stream.lost.wait()
@@ -519,7 +519,7 @@ async def _keep_open(opens: Callable[[], Awaitable[_TcpPeer | _SerialPort]]) -> 
 
 
 def describe_open_error(error: Exception) -> str:
-    """Return in words why a connection cannot be opened."""
+    """Return why a connection cannot be opened, in words."""
     number = error.errno if isinstance(error, OSError) else None
     if isinstance(error, socket.gaierror) or not number:
         return str(error.args[-1] if error.args else error)

@@ -1,7 +1,7 @@
-"""Other ground stations beside us: frames of the vehicles go to them, and theirs to the vehicles where that is allowed.
+"""Share vehicles with other ground stations: pass vehicles' frames to them, and their frames to vehicles if allowed.
 
-Their ports are endpoints like those of vehicles. What they send to a vehicle is heard here as on its own link: an order
-is attributed to its station.
+Their ports are endpoints like those of vehicles. A frame from a station to a vehicle also counts on that vehicle's own
+link, so that a command is attributed to its station.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from missions import MissionKind
 AnyLink = VehicleLink | JoinedLink
 
 FIRST_LINK_ID = 128
-"""Of signatures: the vehicles' own links count from 0."""
+"""First signature link id for stations; the vehicles' own links count from 0."""
 GONE_S = 30.0
-"""A station that calls us by UDP and was silent for so long is not sent anything more."""
+"""Seconds of silence after which a station that connected by UDP is sent nothing more."""
 MOST_STATIONS, MOST_CHANNELS = 32, 200
 SAME_S = 10.0
-"""What a station does again and again is told once in this time."""
+"""Seconds within which a station's repeated action is reported once."""
 TOLD_HZ, TOLD_AT_ONCE = 0.1, 6.0
-"""Lines about one station: one that sets a thousand parameters is a few lines."""
+"""Rate and burst of lines about one station: a thousand parameter changes are a few lines."""
 AGAIN_S = 5.0
 """Real seconds between two attempts to open a port."""
 LISTS = {
@@ -50,7 +50,7 @@ ASKS = ("MAV_CMD_REQUEST_", "MAV_CMD_GET_", "MAV_CMD_SET_MESSAGE_INTERVAL", "MAV
 
 
 def read_station_frame(codec: MavlinkCodec, raw: bytes) -> forwarding.StationFrame:
-    """Return what the rules go by, of a whole frame."""
+    """Return the fields of a complete frame that the forwarding rules use."""
     frame = codec.parse_whole(raw)
     system = 3 if raw[0] == frame_layout.V1 else 5
     target = getattr(frame, "target", 0) if frame.get_type() == "MANUAL_CONTROL" else target_of(raw)
@@ -89,39 +89,39 @@ def describe_act(frame: Frame, autopilot: int | None) -> str:  # noqa: PLR0911 -
 
 @dataclass(eq=False, slots=True)
 class _Peer:
-    """One way to stations."""
+    """One route to stations."""
 
     calls_us: bool
     heard_s: float
     stations: set[int] = field(default_factory=set)
-    """Systems that speak from there."""
+    """Systems that send from there."""
 
 
 @dataclass(eq=False, repr=False)
 class Forwarder:
-    """Passes frames between vehicles and stations; all times are those of `now_s`, in seconds."""
+    """Pass frames between vehicles and stations; all times are those of `now_s`, in seconds."""
 
     rules: forwarding.ForwardRules
     now_s: Callable[[], float]
     shares: Mapping[int, RadioShare] = field(default_factory=dict)
-    """What each vehicle has of its radio, by its system."""
+    """Share of its radio for each vehicle, by system id."""
     is_busy: Callable[[AnyLink], bool] = lambda _: False
-    """Whether a transfer of ours is under way on its channel."""
+    """Whether a transfer of ours is in progress on its channel."""
     links: dict[int, AnyLink] = field(default_factory=dict)
-    """Of the vehicles, by their systems, once they are open."""
+    """Links to the vehicles by system id, once they are open."""
     _peers: dict[Write, _Peer] = field(default_factory=dict)
     _on_radio: set[int] = field(default_factory=set)
-    """Vehicles behind a radio that reports itself."""
+    """Vehicles behind a radio that sends RADIO_STATUS."""
     autopilots: dict[int, int] = field(default_factory=dict)
-    """MAV_AUTOPILOT of vehicles, by their systems."""
+    """MAV_AUTOPILOT of vehicles, by system id."""
     _allowances: dict[object, tuple[float | None, forwarding.Allowance]] = field(default_factory=dict)
-    """Of each channel, with the share that it was made for."""
+    """Allowance of each channel, with the share that it was computed from."""
     _told_s: dict[tuple[object, ...], float] = field(default_factory=dict)
     _lines: dict[Sender, forwarding.Bucket] = field(default_factory=dict)
-    """What may still be told of each station."""
+    """Remaining lines about each station."""
 
     def tap(self, received: DecodedFrame, about: Collection[int]) -> None:
-        """Hand a frame of a vehicle, or of a radio, on to the stations."""
+        """Pass a frame of a vehicle, or of a radio, to the stations."""
         if isinstance(received.message, messages.Radio):
             self._on_radio.update(about)
         elif isinstance(received.message, messages.Heartbeat):
@@ -136,18 +136,18 @@ class Forwarder:
                 call_safely("handing a frame on", write, received.frame)
 
     def add_peer(self, write: Write, *, calls_us: bool) -> _Peer:
-        """Note where a station is."""
+        """Add a route to a station."""
         known = self._peers
         if write not in known and len(known) >= MOST_STATIONS:
             del known[min(known, key=lambda one: (not known[one].calls_us, known[one].heard_s))]
         return self._peers.setdefault(write, _Peer(calls_us, self.now_s()))
 
     def remove_peer(self, write: Write) -> None:
-        """Note that nobody is there any more."""
+        """Remove a closed route."""
         self._peers.pop(write, None)
 
     def take(self, codec: MavlinkCodec, received: DecodedFrame, write: Write) -> None:
-        """Take a frame of a station."""
+        """Process a frame from a station: check it, and pass it on if allowed."""
         peer = self._peers.get(write) or self.add_peer(write, calls_us=True)
         peer.heard_s = self.now_s()
         frame = read_station_frame(codec, received.frame)
@@ -167,7 +167,7 @@ class Forwarder:
                 self._tell(frame, frame.does, sysid)
 
     def _pass_on(self, frame: forwarding.StationFrame, raw: bytes) -> set[int]:
-        """Send a frame to whom it is for, once over each channel; returns the vehicles that it goes to."""
+        """Send a frame to its targets, once over each channel; return the vehicles that it goes to."""
         reached, sent = set[int](), dict[object, bool]()
         for sysid in sorted(self.rules.select_targets(frame)):
             vehicle = self.links.get(sysid)
@@ -182,7 +182,7 @@ class Forwarder:
         return reached
 
     def _admit(self, frame: forwarding.StationFrame, vehicle: AnyLink | None) -> bool:
-        """Return whether a channel has room for a frame; without a vehicle, whether it is time to hear it here."""
+        """Return whether a channel has room for a frame; without a vehicle, whether to process it here now."""
         share = ALONE
         if vehicle is not None:
             share = self.shares.get(vehicle.sysid, ALONE).find_link_share(vehicle.connection)
@@ -199,7 +199,7 @@ class Forwarder:
         return why is None
 
     def _hear(self, received: DecodedFrame, sysids: Iterable[int]) -> None:
-        """Let vehicles' links hear what was said to them, as if it had come over them."""
+        """Pass a frame to the links of its target vehicles, as if it had been received there."""
         message = received.message
         if isinstance(message, messages.StationHeard):
             message = replace(message, behind=True)
@@ -210,14 +210,14 @@ class Forwarder:
                 self.links[sysid].hear(message)
 
     def report(self, words: str, *, still: bool = False) -> None:
-        """Tell the crew what became of a port; once if it is `still` so."""
+        """Report the state of a port to the crew; once while it is `still` the same."""
         for vehicle in tuple(self.links.values())[:1]:
             vehicle.hear(messages.StationActed(0, 0, words, passed=not still))
 
     def _tell(
         self, frame: forwarding.StationFrame, words: str, sysid: int | None = None, *, passed: bool = True
     ) -> None:
-        """Tell the crew what a station does to a vehicle, or why it may not."""
+        """Report to the crew what a station does to a vehicle, or why it may not."""
         key, now_s = (frame.sender, words, sysid), self.now_s()
         if now_s - self._told_s.get(key, -SAME_S) < SAME_S:
             return
@@ -237,26 +237,26 @@ class Forwarder:
 
 
 class StationPort(Router):
-    """A port where other stations are: what comes goes to the forwarder."""
+    """A port for other stations: passes their frames to the forwarder."""
 
     def __init__(self, forwarder: Forwarder, codec: MavlinkCodec, connection: Connection) -> None:
         super().__init__((), codec)
         self._forwarder, self._connection, self._lost = forwarder, connection, False
         self._way: Write | None = None
-        """To the other end, where there is but one."""
+        """How to write to the other end, if there is only one."""
 
     def route_frames(self, frames: Iterable[DecodedFrame], write: Write, source: str = "") -> None:  # noqa: ARG002
-        """Take what a station says."""
-        self.codec.autopilots.update(self._forwarder.autopilots)  # before they are read: modes have their numbers
+        """Take a station's frames."""
+        self.codec.autopilots.update(self._forwarder.autopilots)  # first: mode numbers depend on it
         for received in frames:
             self._forwarder.take(self.codec, received, self._way or write)
 
     def accept(self, write: Write) -> None:
-        """Note that a station has called: it may never say anything."""
+        """Note a new station; it may never send anything."""
         self._forwarder.add_peer(write, calls_us=False)
 
     def connect_all(self, write: Write) -> None:
-        """Note that what vehicles say goes to the other end."""
+        """Send vehicles' frames to the other end."""
         self._way = write
         self._forwarder.add_peer(write, calls_us=False)
         if self._lost:
@@ -264,7 +264,7 @@ class StationPort(Router):
         self._lost = False
 
     def disconnect(self, write: Write) -> None:
-        """Note that nobody is reached with `write` any more."""
+        """Note that `write` reaches no station any more."""
         self._forwarder.remove_peer(write)
         self._way = None
         if self._connection.scheme in {Scheme.TCP_OUT, Scheme.SERIAL}:
@@ -284,14 +284,14 @@ async def open_station_ports(
     """Keep the ports of other stations open inside the block.
 
     Args:
-        forwarder: What passes frames on.
-        ports: Where stations are.
-        keyring: What stations' frames must be signed with to be passed on.
+        forwarder: Passes frames on.
+        ports: Ports of stations.
+        keyring: Key with which stations' frames must be signed to be passed on.
         station: Our own system and component.
-        strict: Whether a port that cannot be opened at once is an error; else it is tried again, and told.
+        strict: Whether a port that cannot be opened at once is an error; else it is retried, and reported.
 
     Raises:
-        ConnectionFailed: a port cannot be opened.
+        ConnectionFailed: A port cannot be opened.
     """
     async with AsyncExitStack() as stack:
         for number, connection in enumerate(ports, start=FIRST_LINK_ID):

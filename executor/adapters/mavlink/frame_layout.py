@@ -1,8 +1,8 @@
-"""Where the parts of a MAVLink frame are, of both versions: header, checksum, signature, and integer parameters.
+"""Layout of MAVLink frames, versions 1 and 2: header, checksum, signature, and integer parameters.
 
-MAVLink 2 message signing (mavlink.io): who holds the key may talk. A frame ends with a link id, a time of 48 bits and
-the first 48 bits of a SHA-256 over the key and all that is before. Nothing is believed of a frame before its signature
-is: not its time, and not that there is such a stream.
+MAVLink 2 message signing (mavlink.io) authenticates holders of the key. A frame ends with a link id, a time of 48 bits
+and the first 48 bits of a SHA-256 over the key and all bytes before. Nothing in a frame is trusted before its signature
+is verified: neither its time nor that its stream exists.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from pymavlink.generator.mavcrc import x25crc
 
 V1, V2 = 0xFE, 0xFD
 HEADS = {V1: 6, V2: 10}
-"""Header lengths by the byte that frames of both versions begin with."""
+"""Header lengths by the start byte of each version."""
 CHECKSUM = 2
-"""Bytes of it."""
+"""Bytes of the checksum."""
 
 
 def message_id_of(frame: bytes | bytearray) -> int:
@@ -29,13 +29,13 @@ def message_id_of(frame: bytes | bytearray) -> int:
 
 
 def payload_of(frame: bytes | bytearray, size: int) -> bytes:
-    """Return the first bytes of what a frame says; zeros at its end are not sent."""
+    """Return the first bytes of a frame's payload; trailing zeros, which are not sent, are restored."""
     begins = HEADS[frame[0]]
     return bytes(frame[begins : begins + min(frame[1], size)]).ljust(size, b"\0")
 
 
 def has_valid_checksum(frame: bytes | bytearray, extra: int) -> bool:
-    """Return whether a frame has its checksum, of which its message's CRC_EXTRA is a part."""
+    """Return whether a frame's checksum is valid; it includes the message's CRC_EXTRA."""
     stop = HEADS[frame[0]] + frame[1]
     if stop + CHECKSUM > len(frame):
         return False
@@ -55,30 +55,30 @@ def from_wire(value: float, kind: int, autopilot: int | None) -> float:
 
 
 def to_wire(value: float, kind: int, autopilot: int | None) -> float:
-    """Return what stands in the field for a value."""
+    """Return the field's content for a value."""
     if _is_bitwise(kind, autopilot):
         return float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
     return value
 
 
 def _is_bitwise(kind: int, autopilot: int | None) -> bool:
-    """Return whether the bits of an integer stand where the float would; ArduPilot alone sends its value as a float."""
+    """Return whether an integer's bits fill the float field; ArduPilot alone sends its value as a float."""
     return kind in INTEGER_TYPES and autopilot not in {None, AUTOPILOT_ARDUPILOT}
 
 
 SIGNED_FLAG = 1
-"""The one flag that a receiver may not know (mavlink.io, Serialization)."""
+"""The only flag that a receiver may ignore (mavlink.io, Serialization)."""
 SIGNATURE_BYTES, TIMED_BYTES = 13, 12
 """Link id, time and hash; time and hash."""
 EPOCH_UNIX_S = 1420070400
-"""2015-01-01: the times of signatures count from there, in steps of 10 us."""
+"""2015-01-01: epoch of signature times, which count in steps of 10 us."""
 TICKS_PER_S = 100_000
 NEW_STREAM_S = 60
-"""A stream that was never heard may be as old as this; an older frame was recorded once and is sent again."""
+"""Most seconds that a new stream's time may lag; an older frame is a replay."""
 
 
 class FrameRejection(Enum):
-    """Why a frame is not believed."""
+    """Reason for rejecting a frame."""
 
     UNSIGNED = "unsigned"
     FORGED = "forged"
@@ -86,15 +86,15 @@ class FrameRejection(Enum):
 
 
 class LinkSigning:
-    """Signs what goes out on one link, and looks at what comes in."""
+    """Sign one link's outgoing frames, and check its incoming ones."""
 
     def __init__(self, key: bytes, link_id: int, unix_s: Callable[[], float]) -> None:
-        """Begin knowing no stream.
+        """Start without known streams.
 
         Args:
-            key: 32 bytes that the vehicles hold as well.
-            link_id: Tells this link from our others: each has a time of its own.
-            unix_s: A clock that does not go back, over restarts neither.
+            key: 32 bytes, shared with the vehicles.
+            link_id: Id of this link: each of our links has its own time.
+            unix_s: A clock that never goes back, even across restarts.
         """
         self._key = key
         self._link_id = link_id % 256
@@ -106,13 +106,13 @@ class LinkSigning:
         return max(0, round((self._unix_s() - EPOCH_UNIX_S) * TICKS_PER_S))
 
     def prepare(self, packer: Any) -> None:  # noqa: ANN401 - pymavlink's classes are untyped
-        """Have pymavlink's packer sign the next frame."""
+        """Make pymavlink's packer sign the next frame."""
         signing = packer.signing
         signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
-        signing.timestamp = max(signing.timestamp, self.timestamp_ticks())  # it counts on by itself
+        signing.timestamp = max(signing.timestamp, self.timestamp_ticks())  # it increments it
 
     def check_signature(self, frame: bytes, sysid: int, compid: int) -> FrameRejection | None:
-        """Return why a whole frame with a good checksum is not believed; None if it is."""
+        """Return why a complete frame with a valid checksum is rejected; None if it is accepted."""
         if frame[0] != 0xFD or not frame[2] & SIGNED_FLAG:
             return FrameRejection.UNSIGNED
         expected = hashlib.sha256(self._key + frame[:-6]).digest()[:6]

@@ -1,10 +1,10 @@
-"""Several links to one vehicle as one: what it says counts from whichever link brings it first.
+"""Join several links to one vehicle: a message counts from whichever link delivers it first.
 
-Both autopilots number their frames for every link anew, and send of each stream over every link what was asked for
-there. So a frame that comes twice is a copy that a router made, and everything else is told apart by what it is: of
-positions only what is newer than the last one, of states what comes over the link in use, as long as it comes there,
-so that a slow link does not bring back the mode of a second ago. What is said once to everybody, texts and orders seen,
-counts once. A mission is given and read over one link, the one on which it was announced.
+Both autopilots number their frames for each link separately, and send each stream over a link as requested there. So an
+identical frame is a router's copy, and all else is merged by its kind: positions count if newer than the last one;
+states count from the link in use while they arrive there, so that a slow link does not restore the mode of a second
+ago; texts and commands of other stations, which are broadcast once, count once. A mission is uploaded and downloaded
+over one link, the one on which it was announced.
 """
 
 from __future__ import annotations
@@ -36,42 +36,42 @@ SAID_ONCE = (
 CANCELLED = 15
 """MAV_MISSION_OPERATION_CANCELLED."""
 COPY_S = 5.0
-"""A copy comes no later than this: what a mesh of radios takes at its worst, and some."""
+"""Longest delay of a copy: the worst of a mesh of radios, with a margin."""
 KEPT_FRAMES, KEPT_SAID = 256, 32
 STATE_S = 2.5
-"""A state that has not come over the link in use for so long is taken from another one: the slowest stream is asked for
-every two seconds."""
+"""Seconds without a state on the link in use after which another link's counts: the slowest stream is requested every
+two seconds."""
 BEHIND_S = 3.0
-"""A position that is so much older than the last one, and comes over another link, is late; older ones are another
-vehicle's, or of one that has rebooted."""
+"""Most seconds by which a position over another link is late; older ones are from another vehicle, or after a
+reboot."""
 TRANSFER_S = 3.0
-"""A transfer of which nothing was sent for so long is over."""
+"""Seconds without a sent message after which a transfer is over."""
 FOLLOWS = 0.2
-"""How much the newest position says of how late a link is."""
+"""Weight of the newest position in a link's estimated delay."""
 REBOOTED_S = 5.0
 
 
 class JoinedLink(Listeners):
-    """`ports.OpenLink` of a vehicle that has several connections."""
+    """`ports.OpenLink` of a vehicle with several connections."""
 
     def __init__(self, links: Sequence[VehicleLink], now_s: Callable[[], float]) -> None:
-        """Join them, the preferred one first; `now_s` is the flight's time."""
+        """Join the links, the preferred one first; `now_s` is the flight's time."""
         super().__init__()
         self._links = tuple(links)
         self._now_s = now_s
         self._measures = [LinkHealth() for _ in links]
         self._choice = LinkChoice()
         self._announced: VehicleLink | None = None
-        """Over which a transfer was begun last."""
+        """Link over which the last transfer was begun."""
         self._transferred_s = float("-inf")
-        """When something of a transfer was sent last."""
+        """Time at which a transfer message was sent last."""
         self._frames: dict[bytes, tuple[int, float]] = {}
         self._said: deque[tuple[messages.Message, set[int], float]] = deque(maxlen=KEPT_SAID)
-        """What was said, over which links it has come, and when first."""
+        """Broadcast messages, the links that delivered each, and the time of the first."""
         self._position: tuple[int, float] = (0, float("-inf"))
-        """Of the last position: the link, and the vehicle's clock."""
+        """Last position: its link, and the vehicle's clock."""
         self._states_s: dict[type[messages.Message], float] = {}
-        """When each kind of state came last over the link in use."""
+        """Time at which each kind of state last arrived over the link in use."""
         for number, link in enumerate(self._links):
             link.is_alive, link.is_used = False, link is self.used
             link.take_frame = partial(self._take_frame, number)
@@ -79,37 +79,37 @@ class JoinedLink(Listeners):
 
     @property
     def used(self) -> VehicleLink:
-        """The one that orders go over."""
+        """Return the link for commands."""
         return self._links[self._choice.used]
 
     @property
     def ways(self) -> tuple[VehicleLink, ...]:
-        """All of them, the one that orders go over first."""
+        """Return all links, the one for commands first."""
         return (self.used, *(link for link in self._links if link is not self.used))
 
     @property
     def peer(self) -> Hashable | None:
-        """What orders go to."""
+        """Return the address that commands go to."""
         return self.used.peer
 
     @property
     def connection(self) -> str:
-        """Of the one that orders go over."""
+        """Return the connection for commands."""
         return self.used.connection
 
     @property
     def sysid(self) -> int:
-        """Of the vehicle."""
+        """Return the vehicle's system id."""
         return self.used.sysid
 
     @property
     def is_alive(self) -> bool:
-        """Whether something came just now over the one that orders go over."""
+        """Return whether the link for commands received something just now."""
         return self.used.is_alive
 
     @property
     def counts(self) -> LinkCounts:
-        """What came so far, over all of them."""
+        """Return the counts of all links so far."""
         whole = LinkCounts(missing=0)
         for link in self._links:
             one = link.counts
@@ -123,7 +123,7 @@ class JoinedLink(Listeners):
         return whole
 
     def describe_links(self) -> tuple[LinkView, ...]:
-        """Return the state of each."""
+        """Return the state of each link."""
         now_s = self._now_s()
         return tuple(
             LinkView(
@@ -136,7 +136,7 @@ class JoinedLink(Listeners):
         )
 
     def send(self, message: messages.Outgoing) -> None:
-        """Send over the better link, and our heartbeat over all of them."""
+        """Send over the better link, and our heartbeat over all."""
         if isinstance(message, messages.SendHeartbeat):
             for link in self._links:
                 link.send(message)
@@ -147,16 +147,16 @@ class JoinedLink(Listeners):
         if isinstance(message, messages.MissionCount | messages.MissionRequestList):
             left, self._announced = self._announced, self.used
             if left is not None and left is not self.used:
-                # PX4 takes no mission from another link as long as it waits for items on this one.
+                # PX4 accepts no mission from another link while it waits for items on this one.
                 left.send(messages.MissionAck(CANCELLED, message.kind))
         self.used.send(message)
 
     def send_frame(self, frame: bytes, *, to_all: bool = False) -> None:
-        """Send a frame as it is, over the better link; `to_all` if it is for everybody behind the same port."""
+        """Send a frame unchanged over the better link; `to_all` if it is for all systems behind the same port."""
         self.used.send_frame(frame, to_all=to_all)
 
     def hear(self, message: messages.Message) -> None:
-        """Hand on what did not come over these links, and is about their vehicle."""
+        """Pass on a message about the vehicle that came over other links."""
         self.used.hear(message)
 
     def _choose(self) -> None:
@@ -169,7 +169,7 @@ class JoinedLink(Listeners):
             link.is_used = link is self.used
 
     def _take_frame(self, number: int, frame: bytes) -> bool:
-        """Note that a link is alive; returns whether this frame has not come over another one."""
+        """Note that a link is alive; return whether no other link has delivered this frame."""
         now_s = self._now_s()
         self._measures[number] = self._measures[number].hear(now_s)
         self._choose()
@@ -242,20 +242,20 @@ async def open_joined_links(
     station: Sender = messages.GROUND_STATION,
     tap: Tap = leave_frame,
 ) -> AsyncIterator[Mapping[str, VehicleLink | JoinedLink]]:
-    """Open the links to vehicles by name, those of a vehicle that has several as one.
+    """Open the links to vehicles by name; those of a vehicle with several are joined.
 
     Args:
         orders: The links.
         now_s: The flight's time.
-        keyring: As for `open_mavlink_links`, and so are `radios`.
-        radios: Whose RADIO_STATUS is heard without a signature.
-        one_radio: Whether the first links of all lead to one radio.
+        keyring: As for `open_mavlink_links`.
+        radios: Radios whose RADIO_STATUS is accepted without a signature, as for `open_mavlink_links`.
+        one_radio: Whether the first links of all vehicles use one radio.
         station: Our own system and component.
-        tap: Is shown what comes, of a vehicle with several links over the one in use.
-        may_be_absent: Whether the device of one of several links may be there later.
+        tap: Called with received frames; of a vehicle with several links, those of the link in use.
+        may_be_absent: Whether the device of one of several links may appear later.
 
     Raises:
-        ConnectionFailed: a port is taken, a device is not there, or a host is not known.
+        ConnectionFailed: A port is in use, a device is missing, or a host is unknown.
     """
     single = {
         f"{name}/{number}": replace(one, may_be_absent=may_be_absent and bool(order.more))

@@ -1,11 +1,10 @@
-"""MAVLink's messages about a vehicle, field by field, to ours: the one table for the link and for telemetry logs.
+"""Convert MAVLink's messages about a vehicle, field by field, for both links and telemetry logs.
 
-A reader takes a frame of pymavlink. Whatever a vehicle marks as unknown becomes None. EVENT of MAVLink's common
-messages, by which PX4 says why a failsafe acts, is laid out here, as pymavlink's dialect does not have it.
+A reader takes a pymavlink frame. Values that a vehicle marks as unknown become None. EVENT of MAVLink's common
+messages, in which PX4 reports why a failsafe acts, is laid out here, as pymavlink's dialect lacks it.
 
-STATUSTEXT is put together: a long text comes in parts of 50 bytes, and parts come twice, late, or never. Its measure of
-time is how many frames came since. At the rates that a flight asks for (about ten frames a second) `PATIENCE_FRAMES`
-are a few seconds.
+STATUSTEXT is reassembled: a long text is sent in parts of 50 bytes, which may be duplicated, late or lost. Time-outs
+count frames: at the rates that a flight requests (about ten frames a second), `PATIENCE_FRAMES` are a few seconds.
 """
 
 from __future__ import annotations
@@ -28,19 +27,19 @@ from missions import PX4, MissionItem
 from missions.cameras import PictureProof
 
 Frame = Any
-"""A message's fields by their MAVLink names; pymavlink's classes are generated and untyped."""
+"""A message's fields by MAVLink name; pymavlink's classes are generated and untyped."""
 GCS_TYPE, NO_AUTOPILOT, ARMED = 6, 8, 128
 """MAV_TYPE, MAV_AUTOPILOT and MAV_MODE_FLAG of a HEARTBEAT."""
 PREARM_CHECK = 0x10000000
 POS_HORIZ_ABS, CONST_POS_MODE = 16, 128
-"""Of EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS."""
+"""Bits of EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS."""
 NO_SATELLITES = 255
-"""Of satellites_visible: nobody knows."""
+"""satellites_visible: unknown."""
 NO_CHANNEL = 65535
-"""Of RC_CHANNELS and RC_CHANNELS_RAW."""
+"""Value of an unused channel in RC_CHANNELS and RC_CHANNELS_RAW."""
 _CHANNELS, _RAW_CHANNELS = (attrgetter(*(f"chan{number}_raw" for number in range(1, most + 1))) for most in (18, 8))
 DO_SET_MODE, SET_MODE = 176, 11
-"""The command, and the number of the older message."""
+"""The command, and the id of the older message."""
 MOST_MODES = 128
 BREACHES = {0: messages.FenceStatus(False), 1: messages.FenceStatus(True)}
 LANDED = {1: True, 2: False, 3: False, 4: False}
@@ -50,7 +49,7 @@ ACCEPTED = frozenset({0, 5})
 
 
 def read_heartbeat(frame: Frame) -> messages.Heartbeat | None:
-    """Read an autopilot's HEARTBEAT; None of a ground station, a camera or a gimbal."""
+    """Read an autopilot's HEARTBEAT; return None for a ground station, a camera or a gimbal."""
     if frame.type == GCS_TYPE or frame.autopilot == NO_AUTOPILOT:
         return None
     armed = bool(frame.base_mode & ARMED)
@@ -58,7 +57,7 @@ def read_heartbeat(frame: Frame) -> messages.Heartbeat | None:
 
 
 def read_channels(frame: Frame) -> messages.RcChannels:
-    """Read RC_CHANNELS, or RC_CHANNELS_RAW, which has the first eight and is not listened to on a link."""
+    """Read RC_CHANNELS, or RC_CHANNELS_RAW, which has the first eight channels and is ignored on a link."""
     values = _CHANNELS(frame)[: frame.chancount] if hasattr(frame, "chancount") else _RAW_CHANNELS(frame)
     return messages.RcChannels(tuple(0 if value == NO_CHANNEL else value for value in values))
 
@@ -108,12 +107,12 @@ def _read_gps(frame: Frame, receiver: int = 0) -> messages.Gps:
 
 
 def _read_estimator(frame: Frame) -> messages.EstimatorStatus:
-    """Read flags that both autopilots number alike, as far as these two go."""
+    """Read the flags that both autopilots number alike."""
     return messages.EstimatorStatus(frame.flags & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
 
 
 def _read_wind_cov(frame: Frame) -> messages.Wind:
-    """Read where the air moves to, north and east, as where it comes from."""
+    """Convert the wind vector, the direction in which the air moves (north, east), to the direction it comes from."""
     north_m_s, east_m_s = frame.wind_x, frame.wind_y
     from_deg = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360
     return messages.Wind(math.hypot(north_m_s, east_m_s), from_deg)
@@ -124,12 +123,12 @@ def _read_mission_current(frame: Frame) -> messages.MissionCurrent:
 
 
 def read_opaque_id(frame: Frame) -> int | None:
-    """Read the checksum in MISSION_ACK and MISSION_COUNT; None where there is none."""
+    """Read the checksum in MISSION_ACK and MISSION_COUNT; return None if there is none."""
     return _read_number_behind(frame.get_msgbuf(), 4 if frame.get_type() == "MISSION_ACK" else 5)
 
 
 def _read_number_behind(frame: bytes | None, size: int) -> int | None:
-    """Read the uint32 behind what pymavlink knows of a message; MAVLink 2 leaves zeros at the end out."""
+    """Read the uint32 after the fields that pymavlink knows; MAVLink 2 omits trailing zeros."""
     if not frame or frame[0] != V2:
         return None
     return int.from_bytes(payload_of(frame, size + 4)[size:], "little") or None
@@ -139,7 +138,7 @@ def _read_system_status(frame: Frame) -> messages.SystemStatus:
     enabled, healthy = frame.onboard_control_sensors_enabled, frame.onboard_control_sensors_health
     present = bool(frame.onboard_control_sensors_present & PREARM_CHECK)
     return messages.SystemStatus(
-        # PX4 reports 65535 V and -1 % without a battery, ArduPilot 0 V and -1 % in its first seconds.
+        # Without a battery, PX4 reports 65535 V and -1 %; ArduPilot 0 V and -1 % in its first seconds.
         remaining_pct=_to_percent(frame.battery_remaining),
         voltage_v=None if frame.voltage_battery in {0, 65535} else frame.voltage_battery / 1e3,
         unhealthy=enabled & ~healthy,
@@ -155,11 +154,11 @@ def _read_radio(frame: Frame) -> messages.Radio:
 
 
 def read_mode_order(frame: Frame, autopilot: int | None) -> tuple[int, int | None] | None:
-    """Read COMMAND_LONG, COMMAND_INT or SET_MODE: the command, and the mode if it names one; None of other commands.
+    """Return the command of COMMAND_LONG, COMMAND_INT or SET_MODE, and its mode if any; None for other commands.
 
     Args:
-        frame: What was sent.
-        autopilot: MAV_AUTOPILOT of whom it is for.
+        frame: The frame sent.
+        autopilot: MAV_AUTOPILOT of its target.
     """
     if not hasattr(frame, "command"):
         return DO_SET_MODE, frame.custom_mode
@@ -170,13 +169,13 @@ def read_mode_order(frame: Frame, autopilot: int | None) -> tuple[int, int | Non
 
 
 def read_accepted_order(ack: Frame) -> int | None:
-    """Read COMMAND_ACK: the command that is followed, if that changes a mode. ArduPilot 3 names the older message."""
+    """Return the accepted command of COMMAND_ACK if it changes a mode. ArduPilot 3 names the older message."""
     command: int = DO_SET_MODE if ack.command == SET_MODE else ack.command
     return command if command in MODE_COMMANDS and ack.result in ACCEPTED else None
 
 
 def read_mission_item(frame: Frame) -> MissionItem:
-    """Read MISSION_ITEM_INT, or MISSION_ITEM, whose places are degrees."""
+    """Read MISSION_ITEM_INT, or MISSION_ITEM, whose coordinates are degrees."""
     x, y = (round(at * 1e7) if isinstance(at, float) else at for at in (frame.x, frame.y))
     return MissionItem(
         frame.seq, frame.frame, frame.command, frame.param1, frame.param2, frame.param3, frame.param4,
@@ -185,13 +184,13 @@ def read_mission_item(frame: Frame) -> MissionItem:
 
 
 FIRST_UNIX_S = 1e9
-"""A time before 2001 is one since the vehicle's start."""
+"""Times before 2001 count from the vehicle's boot."""
 IN_EARTH, IN_VEHICLE, YAW_LOCK = 64, 32, 16
-"""GIMBAL_DEVICE_FLAGS: from where its yaw is counted; the third says it where neither of the first is set."""
+"""GIMBAL_DEVICE_FLAGS: reference of its yaw; the third decides if neither of the first two is set."""
 
 
 def angles_deg(q: Sequence[float]) -> tuple[float | None, float | None, float | None]:
-    """Return roll, pitch and yaw of an attitude w, x, y, z; None where it is not known: MAVLink sends zeros or NaN."""
+    """Return roll, pitch and yaw of an attitude w, x, y, z; None if unknown, which MAVLink sends as zeros or NaN."""
     w, x, y, z = q
     if not all(map(math.isfinite, q)) or not 0.5 < w * w + x * x + y * y + z * z < 1.5:
         return None, None, None
@@ -202,7 +201,7 @@ def angles_deg(q: Sequence[float]) -> tuple[float | None, float | None, float | 
 
 
 def _split_time(usec: int) -> tuple[float | None, float | None]:
-    """Return a time since the vehicle's start, and one since 1970: a field holds either."""
+    """Return the time since boot, and the Unix time: a field holds either."""
     seconds = usec / 1e6
     if not seconds:
         return None, None
@@ -264,7 +263,7 @@ def _read_capture_status(frame: Frame) -> messages.CameraStatus:
 
 
 def _read_storage(frame: Frame) -> messages.CameraStatus:
-    ready = frame.status == 2  # STORAGE_STATUS_READY: only then its figures say something
+    ready = frame.status == 2  # STORAGE_STATUS_READY: only then its figures are valid
     return messages.CameraStatus(frame.get_srcComponent(), None, None, frame.available_capacity if ready else None)
 
 
@@ -310,19 +309,19 @@ READERS: Mapping[str, Any] = MappingProxyType({
     "GIMBAL_DEVICE_ATTITUDE_STATUS": _read_gimbal_attitude,
     "MOUNT_ORIENTATION": _read_mount_status,
 })  # fmt: skip
-"""By MAVLink's name of the message."""
+"""Readers by MAVLink name of the message."""
 
 EVENT = 410
 EVENT_NAME = "EVENT"
 EVENT_EXTRA = 160
-"""CRC_EXTRA: part of its checksum."""
+"""CRC_EXTRA of EVENT, part of its checksum."""
 EVENT_LAYOUT = struct.Struct("<IIHBBB40s")
-"""Number, the vehicle's clock in ms, sequence number, component and system that it is for, levels, arguments."""
+"""EVENT's fields: id, vehicle's clock in ms, sequence number, target component and system, levels, arguments."""
 _NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
 
 
 def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | None:
-    """Return the frame of an event that another parser took apart; None if its fields do not fit."""
+    """Return the frame of an event that another parser decoded; None if its fields do not fit."""
     arguments = fields.get("arguments")
     try:
         payload = EVENT_LAYOUT.pack(
@@ -335,30 +334,30 @@ def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> 
 
 
 PART_BYTES = 50
-"""Of the text field; a part that does not fill it is the last one (common.xml)."""
+"""Bytes of the text field; a part that does not fill it is the last one (common.xml)."""
 PATIENCE_FRAMES = 40
-"""Frames after its newest part until a text is shown as far as it came."""
+"""Frames after its newest part until an incomplete text is shown."""
 MEMORY_FRAMES = 400
-"""Frames for which late and repeated parts of a text that was shown are recognised."""
+"""Frames for which late and repeated parts of a shown text are recognised."""
 GAP = "[...]"
-"""Stands for parts that never came."""
+"""Placeholder for parts that never arrived."""
 MOST_LETTERS = 300
-"""Of a text; its numbers have room for 12800 bytes, both autopilots' longest are below 256."""
+"""Most characters of a text; part numbers allow 12800 bytes, both autopilots' longest texts are below 256."""
 MOST_SPEAKERS = 64
-"""Who is remembered; of more, the one that was silent for longest is forgotten."""
+"""Most senders remembered; beyond, the one silent for longest is dropped."""
 
 Source = tuple[int, int]
-"""System and component of who speaks."""
+"""System and component id of a sender."""
 
 
 @dataclass(slots=True)
 class _PartialText:
-    """One text under way, or shown already."""
+    """A text in progress, or already shown."""
 
     severity: int
     parts: dict[int, bytes] = field(default_factory=dict)
     newest: int = 0
-    """The frame that brought the newest part."""
+    """Frame count at its newest part."""
     shown: bool = False
 
     @property
@@ -367,7 +366,7 @@ class _PartialText:
         return len(self.parts) == last + 1 and len(self.parts[last]) < PART_BYTES
 
     def assemble(self) -> str:
-        """Return what came, with a mark for each gap; a full last part may have been the end or not."""
+        """Return the parts received, with a mark for each gap; a full last part may or may not be the end."""
         last = max(self.parts)
         pieces: list[bytes] = []
         for number in range(last + 1):
@@ -379,7 +378,7 @@ class _PartialText:
 
 
 def clean_text(raw: bytes) -> str:
-    r"""Return a text that may be shown anywhere, without the zeros that fill its field and without PX4's trailing tab.
+    r"""Return a text that is safe to show, without its zero padding and PX4's trailing tab.
 
     >>> clean(b"Takeoff detected\t")
     'Takeoff detected'
@@ -389,14 +388,14 @@ def clean_text(raw: bytes) -> str:
 
 
 class StatusTextAssembler:
-    """The texts of everybody behind one endpoint."""
+    """Assemble the texts of all senders behind one endpoint."""
 
     def __init__(self) -> None:
         self._texts: dict[Source, dict[int, _PartialText]] = {}
         self._frames: dict[Source, int] = {}
 
     def count_frame(self, source: Source, frames: int = 1) -> list[messages.StatusText]:
-        """Count frames of any kind; returns their source's texts that were waited for in vain, as far as they came."""
+        """Count frames of any kind; return the source's incomplete texts that have timed out."""
         frame = self._frames[source] = self._frames.pop(source, 0) + frames
         if len(self._frames) > MOST_SPEAKERS:
             silent = next(iter(self._frames))
@@ -414,7 +413,7 @@ class StatusTextAssembler:
         return given_up
 
     def list_unfinished_texts(self) -> list[tuple[Source, messages.StatusText]]:
-        """Return whose texts are still waited for, as far as they came, once nothing more comes."""
+        """Return the incomplete texts and their sources, when nothing more will arrive."""
         return [
             (source, messages.StatusText(text.severity, text.assemble()))
             for source, texts in self._texts.items()
@@ -423,14 +422,14 @@ class StatusTextAssembler:
         ]
 
     def add_part(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[messages.StatusText]:
-        """Take one part; returns the texts that it ends.
+        """Take one part; return the texts that it completes.
 
         Args:
-            source: Who speaks.
+            source: The sender.
             severity: MAV_SEVERITY.
-            raw: The text field, filled up with zeros or not.
-            number: The id of the text; 0 is a text in one part.
-            part: The number of the part, from 0.
+            raw: The text field, padded with zeros or not.
+            number: Id of the text; 0 is a text in one part.
+            part: Number of the part, from 0.
         """
         raw = raw.split(b"\x00", 1)[0]
         if number == 0:
@@ -439,7 +438,7 @@ class StatusTextAssembler:
         texts = self._texts.setdefault(source, {})
         text = texts.get(number)
         if text is not None and text.parts.get(part, raw) != raw:
-            # The same id with other words: the vehicle restarted, and counts its texts from the beginning again.
+            # The same id with other words: the vehicle rebooted, and restarts its text ids.
             if not text.shown:
                 found.append(messages.StatusText(text.severity, text.assemble()))
             text = None

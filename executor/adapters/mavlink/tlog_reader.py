@@ -1,14 +1,13 @@
-"""Telemetry logs (.tlog) to our messages: what is wanted of them, as the codec of a link reads it.
+"""Read telemetry logs (.tlog) as our messages, decoded by a link's codec.
 
-A record is [8 bytes, microseconds since 1970, big-endian][a MAVLink frame]; both directions and any number of vehicles
-may share a file. Only the headers of most frames are read, for their sequence numbers; those that may say something new
-go to the codec, whose work takes most of the time of a long log. The file is read in pieces, so a log of any length
-takes the same memory.
+A record is [8 bytes, microseconds since 1970, big-endian][a MAVLink frame]; a file may hold both directions and any
+number of vehicles. For most frames only the header is read, for its sequence number; frames that may hold new data go
+to the codec, which takes most of the time of a long log. The file is read in pieces, so memory does not grow with its
+length.
 
-A log is stamped by the computer that wrote it, whose clock is set in flight: by satellites, by a network, by hand, from
-1970 to today, or an hour back. What the vehicles send has their own time since their boot. After a leap both go on
-alike, apart by as much as the clock was set; after a silence of the link they agree as before, at the latest when what
-was held back has come.
+The recording computer stamps the log, and its clock may be set in flight: by satellites, by a network, by hand, from
+1970 to today, or an hour back. The vehicles' messages hold their own time since boot. After a clock step both continue
+alike, apart by that step; after a silent link they agree as before, at the latest when delayed frames have arrived.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from executor.core.telemetry.plausibility import filter_implausible
 from missions import PX4
 
 BACK_USEC = 1_000_000
-"""Most that frames of several links are out of order."""
+"""Most time by which frames of several links are out of order."""
 AHEAD_USEC = 2_000_000
 """Pauses shorter than this are normal for a link."""
 SET_USEC = 1_500_000
@@ -82,25 +81,25 @@ LEAST = 18
 
 @dataclass(frozen=True, slots=True)
 class BootTime:
-    """A vehicle's own time, and the log's beside it, in microseconds."""
+    """A vehicle's time since boot, and the log's time, in microseconds."""
 
     boot_usec: int
     stamp_usec: int
 
 
 def was_set_by_usec(pairs: Sequence[tuple[BootTime, BootTime]], stamp_usec: int, before_usec: int) -> int:
-    """Return by how much a clock was set between two stamps; 0 where it was not.
+    """Return by how much a clock was set between two stamps; 0 if it was not.
 
     Args:
-        pairs: Of each report after the leap, in their order: its vehicle's last report before it, and itself.
-        stamp_usec: Of the first record after it.
-        before_usec: Of the last record before it.
+        pairs: For each report after the step, in order: its vehicle's last report before, and the report.
+        stamp_usec: Stamp of the first record after it.
+        before_usec: Stamp of the last record before it.
     """
     leap_usec = stamp_usec - before_usec
     off = [
         (after.stamp_usec - before.stamp_usec) - (after.boot_usec - before.boot_usec)
         for before, after in pairs
-        if after.boot_usec >= before.boot_usec  # else it rebooted, and says nothing of the time between
+        if after.boot_usec >= before.boot_usec  # else it rebooted, and tells nothing about the time between
     ]
     if not off:
         return leap_usec if not -BACK_USEC <= leap_usec < LONGEST_PAUSE_USEC else 0
@@ -136,9 +135,9 @@ class WantedKind(NamedTuple):
 
     name: str
     every_usec: int
-    """Shortest interval; more frequent ones are skipped."""
+    """Shortest interval; more frequent messages are skipped."""
     extra: int
-    """CRC_EXTRA: part of its checksum."""
+    """CRC_EXTRA, part of its checksum."""
 
 
 KINDS: Mapping[int, WantedKind] = {
@@ -158,7 +157,7 @@ class _Source:
     missing: int = 0
     vehicle: bool = False
     boot: BootTime | None = None
-    """Time since boot that the vehicle last reported."""
+    """Last reported time since boot."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
 
 
@@ -175,12 +174,12 @@ class _MessageStream:
     newest_usec: int = -STEADY_USEC
     """Time of the last one read."""
     told_usec: int = -STEADY_USEC
-    """Time of the last one passed on, of messages that are all read."""
+    """Time of the last one passed on, for messages that are all read."""
 
 
 @dataclass(slots=True)
 class TelemetryFile(RecordedFile):
-    """A .tlog being read once, from its beginning to its end."""
+    """A .tlog, read once from beginning to end."""
 
     on_board = False
     frames: int = 0
@@ -203,9 +202,9 @@ class TelemetryFile(RecordedFile):
     """Local down position of each system."""
 
     def read_records(self) -> Iterator[Record]:
-        """Yield (t_usec, system, message) in the order of the file; a message of None is time passing.
+        """Yield (t_usec, system, message) in the order of the file; a message of None is passing time.
 
-        System 0 stands for what is about the link as a whole.
+        System 0 stands for messages about the link as a whole.
         """
         yield from read_in_chunks(self.path, self._read_piece)
         for (system, _), text in self._codec.texts.list_unfinished_texts():
@@ -227,7 +226,7 @@ class TelemetryFile(RecordedFile):
             self.notes.append(f"no HEARTBEAT of an autopilot in it; heard were the systems {named}")
 
     def _read_piece(self, buffer: bytes, last: bool) -> Generator[Record, None, int]:
-        """Yield what whole records of a piece say; returns where the rest begins."""
+        """Yield the records in a piece's complete frames; return where the rest begins."""
         at, size, in_garbage = 0, len(buffer), False
         stop = size if last else size - LOOKAHEAD
         while at < stop:
@@ -248,7 +247,7 @@ class TelemetryFile(RecordedFile):
             lane = self._lanes.get(key) or self._open_stream(key, seq)
             source = lane.source
             if 0 < (ahead := (seq - source.seq) & 255) < HALF:
-                source.missing += ahead - 1  # that its sequence number says are lost
+                source.missing += ahead - 1  # lost, by its sequence number
                 source.received += 1
                 source.seq = seq
             if source.vehicle:
@@ -261,7 +260,7 @@ class TelemetryFile(RecordedFile):
         return at
 
     def _follow_clock(self, buffer: bytes, at: int) -> None:
-        """Shift stamps from a record on, whose stamp is far from that of the last one, if the clock was set there."""
+        """Shift stamps from a record on if its stamp is far from the last one and the clock was set there."""
         stamp, known = int.from_bytes(buffer[at : at + STAMP], "big"), self._stamp
         if not known:
             self._began = stamp
@@ -278,12 +277,12 @@ class TelemetryFile(RecordedFile):
         self._shift -= by_usec
 
     def _boots_after(self, buffer: bytes, at: int) -> list[tuple[BootTime, BootTime]]:
-        """Return what vehicles say of their own time after a leap."""
+        """Return the vehicles' own times after a step."""
         found, first = list[tuple[BootTime, BootTime]](), int.from_bytes(buffer[at : at + STAMP], "big")
         while at + LONGEST <= len(buffer):
             stamp, key, _, end = _read_head(buffer, at)
             if not key or not -LOOKS_USEC < stamp - first < LOOKS_USEC:
-                break  # it leaps again
+                break  # another step
             lane, frame = self._lanes.get(key), buffer[at + STAMP : end]
             if (
                 lane is not None and lane.source.boot is not None
@@ -295,7 +294,7 @@ class TelemetryFile(RecordedFile):
         return found
 
     def _open_stream(self, key: bytes, seq: int) -> _MessageStream:
-        """Return what is known of a source's messages of one kind, from now on."""
+        """Return a new stream of a source's messages of one kind."""
         system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
         source = self._sources.setdefault(system << 8 | component, _Source(seq))
         kind = KINDS.get(number)
@@ -316,7 +315,7 @@ class TelemetryFile(RecordedFile):
             yield stamp, 0, None
 
     def _interpret(self, name: str, frame: Frame, stamp: int, lane: _MessageStream) -> Iterator[Record]:
-        """Yield what a frame says, as the codec of a link hears it, and what no link is asked for."""
+        """Yield a frame's messages, as a link's codec reads it, and those that no link requests."""
         heard: tuple[Message | None, ...] = ()
         if name in ITEMS:
             yield from self._read_mission_item(stamp, lane.system, frame)
@@ -330,11 +329,11 @@ class TelemetryFile(RecordedFile):
             if name == POSITION and decoded.own:
                 yield from self._follow_position(stamp, lane, decoded.message)
         for message in heard:
-            if lane.source.vehicle or name != "COMMAND_ACK":  # before that nobody knows who follows it
+            if lane.source.vehicle or name != "COMMAND_ACK":  # before that it is unknown which system follows it
                 yield from self._tell(stamp, lane, message)
 
     def _tell(self, stamp: int, lane: _MessageStream, message: Message | None) -> Iterator[Record]:
-        """Yield what is wanted of a message: who is not known as a vehicle yet says nothing of itself but in words."""
+        """Yield the records of a message; a system not yet known as a vehicle yields only texts."""
         system, source = lane.system, lane.source
         match message:
             case messages.StationHeard():
@@ -359,7 +358,7 @@ class TelemetryFile(RecordedFile):
                 yield stamp, system, message
 
     def _follow_heartbeat(self, stamp: int, lane: _MessageStream, beat: messages.Heartbeat) -> Iterator[Record]:
-        """Yield the HEARTBEAT of who speaks for a system, and what is due with it."""
+        """Yield a system's HEARTBEAT, and the reports due with it."""
         system, source = lane.system, lane.source
         if (before := self._vehicles.get(system)) is not None:
             before.vehicle = False
@@ -373,7 +372,7 @@ class TelemetryFile(RecordedFile):
             yield stamp, system, text
 
     def _follow_position(self, stamp: int, lane: _MessageStream, place: Message | None) -> Iterator[Record]:
-        """Yield a position now and then, and once that a vehicle is two: of one in seconds all may be of the same."""
+        """Yield positions at intervals, and one when a system proves to be two vehicles, which intervals may hide."""
         source = lane.source
         is_due = self.every_record or not 0 <= stamp - lane.told_usec < POSITION_USEC
         self.skipped.impossible += is_due and place is None
@@ -389,9 +388,9 @@ class TelemetryFile(RecordedFile):
                 yield stamp, lane.system, place
 
     def _read_mission_item(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
-        """Yield an item of a vehicle's mission, on its way to it or from it.
+        """Yield an item of a vehicle's mission, uploaded or downloaded.
 
-        One of a fence, of rally points, or a place to be flown to at once is none.
+        Items of a fence, of rally points, or to fly to at once are skipped.
         """
         known = self._codec.autopilots
         of = by if by in known else frame.target_system
@@ -400,7 +399,7 @@ class TelemetryFile(RecordedFile):
             yield stamp, of, ListedItem(message_readers.read_mission_item(frame))
 
     def _read_height_target(self, system: int, name: str, down_m: float) -> HeightTarget | None:
-        """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
+        """Return PX4's height below its target if it reports both; ArduPilot reports the difference."""
         if name == LOCAL_POSITION:
             self._downs_m[system] = down_m
             return None
@@ -414,7 +413,7 @@ class TelemetryFile(RecordedFile):
             return False
         stamp = int.from_bytes(buffer[at : at + 8], "big")
         if self._stamp and abs(stamp - self._stamp) >= STAMP_TOLERANCE_USEC:
-            # A clock that is set in flight may leap by years: then the next record must agree.
+            # A clock that is set in flight may jump by years: then the next record must agree.
             following = int.from_bytes(buffer[end : end + 8], "big")
             return _is_known(buffer, at, end) and abs(following - stamp) < STAMP_TOLERANCE_USEC
         is_followed = end == size or (end + STAMP < size and buffer[end + STAMP] in MARKS)
@@ -422,21 +421,21 @@ class TelemetryFile(RecordedFile):
 
 
 def _read_head(buffer: bytes, at: int) -> tuple[int, bytes, int, int]:
-    """Return a record's stamp, who says what kind in it, its number, and where it ends; nobody where none begins."""
+    """Return a record's stamp, sender and kind, sequence number, and end; no sender if none begins here."""
     stamp, mark, length, flags, _, seq = _HEAD.unpack_from(buffer, at)
     if mark == V2 and flags <= 1:
         return stamp, buffer[at + 13 : at + 18], seq, at + 18 + length + (15 if flags else 2)
-    # The fields of the older version stand elsewhere.
+    # In MAVLink 1 the fields have other offsets.
     return stamp, buffer[at + 11 : at + 14] if mark == V1 else b"", flags, at + 16 + length
 
 
 def _boot_usec(frame: bytes) -> int:
-    """Return the time since its vehicle's boot that a frame begins with."""
+    """Return the time since boot with which a frame begins."""
     return 1000 * int.from_bytes(payload_of(frame, 4), "little")
 
 
 def _is_known(buffer: bytes, at: int, end: int) -> bool:
-    """Return whether a frame of a kind that is read here begins behind a time, whole."""
+    """Return whether a complete frame of a known kind follows a time here."""
     frame = buffer[at + STAMP : end]
     kind = KINDS.get(message_id_of(frame))
     return kind is not None and has_valid_checksum(frame, kind.extra)

@@ -1,6 +1,6 @@
-"""One .tlog per vehicle: microseconds since 1970, big-endian, then the frame as it was on the wire, both directions.
+"""Write one .tlog per vehicle: microseconds since 1970, big-endian, then the frame as sent, both directions.
 
-A log that has grown large, or that another process began, is left as it is: the next part has a number in its name.
+A large log, or one that another process began, is left unchanged: the next part has a number in its name.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _STAMP = struct.Struct(">Q")
 
 
 class TelemetryLog:
-    """Appends frames to a file that MAVProxy, QGroundControl and pymavlink read."""
+    """Append frames to a file that MAVProxy, QGroundControl and pymavlink read."""
 
     def __init__(self, path: Path, label_usec: Callable[[], int], *, most_bytes: int = MOST_BYTES) -> None:
-        """Begin a new part of the log at `path`; `label_usec` gives each frame's time."""
+        """Begin a new part of the log at `path`; `label_usec` returns each frame's time."""
         self._path = path
         self._label_usec = label_usec
         self._most_bytes = most_bytes
@@ -32,7 +32,7 @@ class TelemetryLog:
         self._file = self._open_part()
 
     def write(self, frame: bytes) -> None:
-        """Append one frame, where there is room: a full disk must not end a flight."""
+        """Append one frame if there is room: a full disk must not end a flight."""
         usec = self._label_usec()
         with suppress(OSError, ValueError):
             if self._bytes >= self._most_bytes:
@@ -41,7 +41,7 @@ class TelemetryLog:
             self._bytes += self._file.write(_STAMP.pack(usec) + frame)
         if abs(usec - self._flushed_usec) >= HELD_USEC:
             self._flushed_usec = usec
-            with suppress(OSError, ValueError):  # then it stays where it is until there is room
+            with suppress(OSError, ValueError):  # then it stays buffered until there is room
                 self._file.flush()
 
     def close(self) -> None:
@@ -50,7 +50,7 @@ class TelemetryLog:
             self._file.close()
 
     def _open_part(self) -> IO[bytes]:
-        """Make the first part that is not there yet: uav1.tlog, uav1-1.tlog, uav1-2.tlog ..."""
+        """Create the first part that does not exist yet: uav1.tlog, uav1-1.tlog, uav1-2.tlog ..."""
         for number in itertools.count():
             path = self._path if number == 0 else self._path.with_stem(f"{self._path.stem}-{number}")
             try:

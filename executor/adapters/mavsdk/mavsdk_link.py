@@ -1,12 +1,12 @@
-"""Links through MAVSDK 4: it has the sockets, finds the systems, checks the frames and keeps up our heartbeat.
+"""Links through MAVSDK 4, which owns the sockets, finds the systems, checks the frames and sends our heartbeat.
 
-Whole messages come and go through its MavlinkDirect plugin, so every dialogue is faultline's own, with its patience for
-what MAVSDK's mission transfer takes for the end: ArduPilot's INVALID_SEQUENCE in the midst of an upload. What this way
-does not have: sequence numbers, so nobody counts what was lost, and integer parameters of PX4 that are negative, whose
-bits are no number in MAVSDK's messages; those are neither read nor set.
+Whole messages pass through its MavlinkDirect plugin, so that every dialogue is faultline's own, and tolerates what
+MAVSDK's mission transfer treats as the end: ArduPilot's INVALID_SEQUENCE during an upload. This backend lacks sequence
+numbers, so losses are not counted, and negative integer parameters of PX4, whose bits are no number in MAVSDK's
+messages; those are neither read nor set.
 
-What MAVSDK does with threads is handled with care: it frees a callback of ours as soon as it is told to, even if one of
-its threads is in it, so callbacks stay for as long as those threads do.
+MAVSDK's threads need care: it frees our callback as soon as it is removed, even while one of its threads runs it, so
+callbacks are kept for as long as those threads run.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ MOST_AT_ONCE = 16
 
 
 def load_mavsdk() -> None:
-    """Load MAVSDK, and keep its log off standard output: results for scripts go there, and silence shows by itself.
+    """Load MAVSDK, and keep its log off standard output, which is for results; silence shows in the link anyway.
 
     Raises:
         ExtraMissing: MAVSDK is not installed.
-        ConnectionFailed: it cannot be loaded.
+        ConnectionFailed: It cannot be loaded.
     """
     require_extra(Extra.MAVSDK, WANTED_BY)
     try:
-        import mavsdk  # noqa: F401 - whether it can be
+        import mavsdk  # noqa: F401 - tests the import
     except Exception as error:
-        # Without its native library it raises an error of its own, which cannot be imported then.
+        # Without its native library it raises its own error, which then cannot be imported.
         reason = str(error).partition("\n")[0]
         raise ConnectionFailed(f"backend mavsdk: expected the package mavsdk 4 on this machine: {reason}") from error
     _silence_mavsdk_log()
@@ -65,13 +65,13 @@ def _silence_mavsdk_log() -> None:
 
 
 def create_ground_station(station: tuple[int, int]) -> Mavsdk:
-    """Return a MAVSDK of its own threads with this system and component; `destroy` ends them.
+    """Return a MAVSDK with its own threads and this system and component; `destroy` ends them.
 
-    Both block: not for the event loop.
+    Both block, so do not call them on the event loop.
     """
     from mavsdk import Configuration, Mavsdk
 
-    # MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured).
+    # MAVSDK's default, system 245, would not keep ArduPilot's ground-station failsafe from acting (measured).
     return Mavsdk(Configuration.create_manual(*station, True))
 
 
@@ -95,26 +95,26 @@ Fields = Mapping[str, object]
 
 
 class Translator(Protocol):
-    """Turns MAVLink fields into our messages and back."""
+    """Convert MAVLink fields to our messages and back."""
 
     @property
     def station(self) -> tuple[int, int]:
-        """Our own system and component."""
+        """Return our own system and component."""
 
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Fields
     ) -> tuple[bytes, tuple[Message, ...]] | None:
-        """Return a frame for the log and what is heard with it; None for a message that is not known.
+        """Return a frame for the log and its messages; None for an unknown message.
 
-        What other components than the vehicle's autopilot say of themselves is not heard.
+        Messages of components other than the vehicle's autopilot about themselves are ignored.
         """
 
     def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:
-        """Return the MAVLink message's name and fields, and a frame for the log; None if JSON cannot say it."""
+        """Return the MAVLink name and fields, and a frame for the log; None if JSON cannot represent them."""
 
 
 class MavsdkLink(Listeners):
-    """Messages of one vehicle through MAVSDK; lives on the event loop."""
+    """Messages of one vehicle through MAVSDK; runs on the event loop."""
 
     def __init__(self, order: LinkRequest, translator: Translator) -> None:
         super().__init__()
@@ -129,20 +129,20 @@ class MavsdkLink(Listeners):
 
     @property
     def is_found(self) -> bool:
-        """Whether MAVSDK has found the system."""
+        """Return whether MAVSDK has found the system."""
         return self._direct is not None
 
     @property
     def peer(self) -> None:
-        """Nobody knows here: MAVSDK has the sockets, and sends the heartbeats."""
+        """Return None: MAVSDK owns the sockets, and sends the heartbeats."""
         return
 
     def describe_links(self) -> tuple[LinkView, ...]:
-        """It is one link: nothing is to be told apart."""
+        """Return nothing, as there is only one link."""
         return ()
 
     def send(self, message: Outgoing) -> None:
-        """Send one message; before the system is found there is nowhere to send it."""
+        """Send one message; dropped until the system is found."""
         if self._direct is None:
             return
         from mavsdk.plugins.mavlink_direct import MavlinkDirectError, MavlinkMessage
@@ -156,15 +156,15 @@ class MavsdkLink(Listeners):
                 MavlinkMessage(name, *self._translator.station, self.sysid, self.component, json.dumps(fields))
             )
         except MavlinkDirectError:
-            return  # what cannot be sent is lost, as on the air
+            return  # a message that cannot be sent is lost, as on the air
         self._log(frame)
 
     def attach(self, system: System) -> None:
-        """Take the system that MAVSDK has found."""
+        """Attach the system that MAVSDK has found."""
         self._direct = _subscribe(system, "", self._receive)
 
     def detach(self) -> list[object]:
-        """Let go of the system, before MAVSDK ends; returns what must be kept until it has."""
+        """Detach the system before MAVSDK ends; return the references to keep until it has."""
         kept = [] if self._direct is None else _collect_references(self._direct)
         self._direct = None
         return kept
@@ -183,32 +183,32 @@ class MavsdkLink(Listeners):
 
 
 def _subscribe(system: System, name: str, take: Callable[[MavlinkMessage], None]) -> MavlinkDirect:
-    """Have messages of a name of one system taken on the event loop; without a name, all."""
+    """Receive one system's messages with this name on the event loop; without a name, all."""
     from mavsdk.plugins.mavlink_direct import MavlinkDirect
 
     loop, direct = asyncio.get_running_loop(), MavlinkDirect(system)
-    # MAVSDK calls from a thread of its own; the flight lives on the event loop.
+    # MAVSDK calls from its own thread; the flight runs on the event loop.
     direct.subscribe_message(name, lambda message, _: loop.call_soon_threadsafe(take, message))
     return direct
 
 
 def _collect_references(direct: MavlinkDirect) -> list[object]:
-    """Return what must be kept until MAVSDK has ended.
+    """Return the references to keep until MAVSDK has ended.
 
-    The plugin frees the callbacks that C calls when it ends, while some of those calls may still be in MAVSDK's queue:
-    without this a process died in one of about two hundred ends (measured).
+    At its end the plugin frees the callbacks for C while calls may still be in MAVSDK's queue: without this, a process
+    died in about one of two hundred ends (measured).
     """
     return [direct, *vars(direct).get("_subscriptions", {}).values()]
 
 
 def _read(translator: Translator, message: MavlinkMessage) -> tuple[bytes, tuple[Message, ...]] | None:
-    # A text may have a tab in it, as PX4's have.
+    # A text may contain a tab, as PX4's do.
     fields = json.loads(message.fields_json, strict=False)
     return translator.read_fields(message.message_name, message.system_id, message.component_id, fields)
 
 
 class _Systems:
-    """All systems that MAVSDK finds: the links' vehicles, and the ground stations among the others."""
+    """All systems that MAVSDK finds: the links' vehicles, and any ground stations."""
 
     def __init__(self, mavsdk: Mavsdk, links: Iterable[MavsdkLink], translator: Translator) -> None:
         self._mavsdk = mavsdk
@@ -218,7 +218,7 @@ class _Systems:
         self._ending = False
 
     def attach_new_systems(self) -> None:
-        """Take what was found since the last time."""
+        """Attach the systems found since the last call."""
         for system in () if self._ending else self._mavsdk.get_systems():
             number = system.get_system_id()
             wanted = [link for link in self._links if link.sysid == number]
@@ -229,7 +229,7 @@ class _Systems:
                 self._others[number] = _subscribe(system, "HEARTBEAT", self._dispatch_stations)
 
     def detach(self) -> list[object]:
-        """Let go of all systems, before MAVSDK ends; returns what must be kept until it has."""
+        """Detach all systems before MAVSDK ends; return the references to keep until it has."""
         self._ending = True
         kept = [link.detach() for link in self._links] + [
             _collect_references(direct) for direct in self._others.values()
@@ -240,7 +240,7 @@ class _Systems:
         read = _read(self._translator, message)
         for heard in () if read is None else read[1]:
             if isinstance(heard, StationHeard):
-                # On which connection it is MAVSDK does not say.
+                # MAVSDK does not tell which connection it is on.
                 for link in self._links:
                     link.hear(heard)
 
@@ -252,7 +252,7 @@ async def open_mavsdk_links(
     """Open the links to vehicles by name through one MAVSDK.
 
     Raises:
-        ConnectionFailed: MAVSDK is not there, a port is taken, a device is missing, or a host is not known.
+        ConnectionFailed: MAVSDK is missing, a port is in use, a device is missing, or a host is unknown.
     """
     links = {name: MavsdkLink(order, translator) for name, order in orders.items()}
     if not orders:
@@ -272,14 +272,14 @@ async def open_mavsdk_links(
         yield links
     finally:
         kept = systems.detach()
-        # It waits for its threads, which may be about to hand a message to the loop.
+        # It waits for its threads, which may be about to pass a message to the loop.
         ending = asyncio.ensure_future(asyncio.to_thread(mavsdk.destroy))
         ending.add_done_callback(lambda _: kept.clear())
         await asyncio.wait({ending}, timeout=ENDS_S)
 
 
 def _expect_free(connection: Connection) -> None:
-    """See that nobody has the port: MAVSDK shares it without a word, and each would hear half (measured)."""
+    """Check that the port is free: MAVSDK shares it silently, and each program would get half the frames (measured)."""
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
             plug.bind((connection.where, connection.number))

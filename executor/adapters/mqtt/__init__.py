@@ -1,1 +1,1 @@
-"""MQTT: publish the flight, take the operator's intents; nothing here delays a flight."""
+"""MQTT: publish the flight and accept the operator's intents; never delays a flight."""

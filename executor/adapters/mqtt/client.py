@@ -1,8 +1,8 @@
-"""Connection to the broker: sends what is in the outbox, and reconnects as often as needed.
+"""Connection to the broker: sends the outbox, and reconnects as often as needed.
 
-It is a task of its own. The flight puts messages into the outbox and goes on: cells, in which the newest message wins,
-and queues with a bound, as a broker may be away for the whole flight. Whatever the broker does, slowly, wrongly or not
-at all, happens here.
+It is a separate task. The flight puts messages into the outbox and continues: cells, in which the newest message wins,
+and bounded queues, as a broker may be away for the whole flight. A slow, faulty or absent broker affects only this
+task.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from executor.adapters.mqtt.topics import BrokerAddress
 from executor.core.interface.commands import Level
 
 MOST_KEPT = 500
-"""Most queued messages of a topic, besides those in flight; the oldest are dropped and counted."""
+"""Most queued messages of a topic, besides those in flight; beyond, the oldest are dropped and counted."""
 
 
 @dataclass(frozen=True, slots=True)
 class MqttMessage:
-    """One message."""
+    """One MQTT message."""
 
     topic: str
     payload: bytes
@@ -34,7 +34,7 @@ class MqttMessage:
 
 
 class Outbox:
-    """Messages for the broker, in the order in which they are to be sent."""
+    """Messages for the broker, in sending order."""
 
     def __init__(self, most_kept: int = MOST_KEPT) -> None:
         self._most_kept = most_kept
@@ -52,22 +52,22 @@ class Outbox:
         return len(self._cells) + len(self._row)
 
     def put_latest(self, letter: MqttMessage) -> None:
-        """Send a message instead of the one that still waits on its topic."""
+        """Queue a message, replacing one that still waits on its topic."""
         if letter.retain:
             self._retained[letter.topic] = letter
-        # A topic keeps its place in the row, so that one that changes often does not wait for ever.
+        # A topic keeps its position, so that one that changes often does not wait for ever.
         self._cells[letter.topic] = letter
         self._ready.set()
 
     def enqueue(self, letter: MqttMessage) -> None:
-        """Send a message after those that wait already; of too many on one topic the oldest is dropped."""
+        """Queue a message after those that wait; of too many on one topic the oldest is dropped."""
         self._queued.add(letter.topic)
         self._row.append(letter)
         self._drop_oldest(letter.topic)
         self._ready.set()
 
     def take_batch(self, most: int) -> list[MqttMessage]:
-        """Return what is to be sent next, at most so many; half of the places are for either kind while both wait."""
+        """Return the next messages, at most `most`; cells and queue get half each while both have some."""
         for_cells = min(len(self._cells), max(most // 2, most - len(self._row)))
         taken = [self._row.popleft() for _ in range(min(len(self._row), most - for_cells))]
         taken += [self._cells.pop(topic) for topic in list(self._cells)[:for_cells]]
@@ -76,7 +76,7 @@ class Outbox:
         return taken
 
     def return_unsent(self, unsent: Iterable[MqttMessage]) -> None:
-        """Let messages wait again that could not be sent; a newer one in their cell wins."""
+        """Requeue messages that could not be sent; a newer one in their cell wins."""
         for letter in reversed(list(unsent)):
             if letter.topic in self._queued:
                 self._row.appendleft(letter)
@@ -86,22 +86,22 @@ class Outbox:
             self._ready.set()
 
     def resend_retained(self) -> None:
-        """Send everything again that a broker should hold: one that was restarted may have forgotten it."""
+        """Queue all retained messages again: a restarted broker may have lost them."""
         for letter in self._retained.values():
             self._cells.setdefault(letter.topic, letter)
             self._ready.set()
 
     def list_retained(self) -> tuple[str, ...]:
-        """Return the topics that a broker holds a message of."""
+        """Return the topics with a retained message."""
         return tuple(topic for topic, letter in self._retained.items() if letter.payload)
 
     def close(self) -> None:
-        """Wait for nothing more: `ready` returns at once from now on."""
+        """Stop waiting: `ready` returns at once from now on."""
         self._closed = True
         self._ready.set()
 
     async def wait_until_ready(self) -> None:
-        """Return when something waits, or when the outbox is closed."""
+        """Return when a message waits, or when the outbox is closed."""
         await self._ready.wait()
 
     def _drop_oldest(self, topic: str) -> None:
@@ -114,7 +114,7 @@ class Outbox:
 ANSWER_S = 5.0
 """Seconds without a PUBACK after which the broker counts as disconnected."""
 LEAST_BYTES_PER_S = 1000.0
-"""Slowest usable line; it sets how long messages in flight may take."""
+"""Slowest usable line; it limits how long messages in flight may take."""
 KEEPALIVE_S = 60
 """MQTT keep-alive. Long, as a ping waits behind a plan on a slow line; missing PUBACKs show a silent broker."""
 WAITS_S = (1.0, 2.0, 4.0, 8.0, 15.0)
@@ -132,13 +132,13 @@ FLUSH_S = 3.0
 """Real seconds after the flight to send what is queued."""
 
 _log = logging.getLogger("faultline.mqtt")
-# Nobody reads it: what goes wrong is said by `say`, once, and not for every packet.
+# Errors are reported by `say`, once, and not for every packet.
 _log.addHandler(logging.NullHandler())
 _log.propagate = False
 
 
 class Presence(Enum):
-    """Whether somebody publishes here, in the words of VDA 5050."""
+    """Connection state of the publisher, in VDA 5050's terms."""
 
     ONLINE = "ONLINE"
     OFFLINE = "OFFLINE"
@@ -149,7 +149,7 @@ class Presence(Enum):
 
 @dataclass(eq=False, repr=False)
 class MqttClient:
-    """Keeps one broker informed."""
+    """Publish to one broker."""
 
     _broker: BrokerAddress
     """Address of the broker."""
@@ -171,13 +171,13 @@ class MqttClient:
     _dropped_told: int = 0
 
     async def run(self) -> None:
-        """Connect, and again whenever the connection ends, until `close`."""
+        """Connect, and reconnect whenever the connection ends, until `close`."""
         attempt = 0
         loop = asyncio.get_running_loop()
         while not self._closing.is_set():
             began_s = loop.time()
             try:
-                # In a task of its own: where two task groups fail at once, Python 3.11 leaves a cancellation behind
+                # A separate task: if two task groups fail at once, Python 3.11 leaves a cancellation behind
                 # in their task, which would end this one at its next wait.
                 await asyncio.create_task(self._run_session(), name="mqtt session")
             except Exception as error:  # noqa: BLE001 - the boundary between the broker and the flight
@@ -188,7 +188,7 @@ class MqttClient:
                     await self._closing.wait()
 
     def close(self) -> None:
-        """Send what still waits, say that nobody is there any more, and end."""
+        """Send waiting messages, publish that the flight is offline, and end."""
         self._closing.set()
         self._outbox.close()
 
@@ -214,7 +214,7 @@ class MqttClient:
             async with client:
                 await self._serve(client)
         finally:
-            # A broker that answers nothing any more leaves a socket open: aiomqtt closes it only with a goodbye.
+            # A broker that stops answering leaves a socket open: aiomqtt closes it only on a clean disconnect.
             _close_socket(client)
 
     async def _serve(self, client: aiomqtt.Client) -> None:
@@ -230,7 +230,7 @@ class MqttClient:
                 await self._send(client, [MqttMessage(one, b"", retain=True) for one in self._outbox.list_retained()])
             await _publish(client, self._presence(Presence.OFFLINE))
         except BaseException:
-            # Without a goodbye, so that the broker publishes the last will.
+            # No clean disconnect, so that the broker publishes the last will.
             _close_socket(client)
             raise
 
@@ -272,7 +272,7 @@ class MqttClient:
         self._say(Level.INFO, f"mqtt: connected to {self._broker} {again}".rstrip() + lost)
 
     def _report_disconnection(self, why: str) -> None:
-        """Say that there is no connection; once, however often it is tried."""
+        """Report a lost connection; once, however often it is retried."""
         if self._complained or self._closing.is_set():
             return
         self._complained = True
@@ -282,10 +282,10 @@ class MqttClient:
 
 
 def _close_socket(client: aiomqtt.Client) -> None:
-    client._client._sock_close()  # noqa: SLF001 - there is no other way to close it
+    client._client._sock_close()  # noqa: SLF001 - no other way to close it
     ended = client._disconnected  # noqa: SLF001
     if ended.done() and not ended.cancelled():
-        ended.exception()  # or asyncio complains, with a trace, that nobody looked at it
+        ended.exception()  # or asyncio complains, with a traceback, that it was never retrieved
 
 
 async def _publish(client: aiomqtt.Client, letter: MqttMessage, patience_s: float | None = None) -> None:

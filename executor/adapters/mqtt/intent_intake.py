@@ -1,8 +1,8 @@
-"""Parse MQTT messages: an operator's intent, or the reason why it is refused.
+"""Parse MQTT messages: an operator's intent, or the reason for refusing it.
 
-docs/mqtt.md has the same in words. Who can publish on the topic can write anything there: sizes are bounded before
-anything is read, unknown keys are refused, and what was meant for another moment (kept by the broker, or written long
-ago) is not carried out now. Nothing of this needs aiomqtt.
+docs/mqtt.md describes the same. Any client with access to the topic can publish anything there: sizes are bounded
+before parsing, unknown keys are refused, and outdated intents (retained by the broker, or written long ago) are not
+executed. Nothing here needs aiomqtt.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from missions.files import find_object
 
 @dataclass(frozen=True, slots=True)
 class IntakeRules:
-    """What the site demands of an intent."""
+    """The site's requirements for intents."""
 
     max_age_s: float
     token: str | None = field(default=None, repr=False)
     closed: str = ""
-    """Reason why no intents are taken; empty if they are."""
+    """Reason why no intents are accepted; empty if they are."""
 
 
 MOST_BYTES = 4096
@@ -48,7 +48,7 @@ TOLD_EVERY_S = 10.0
 
 
 class IntakeReason(ReasonCode):
-    """Why a message is not taken for an intent."""
+    """Reason for refusing a message as an intent."""
 
     INVALID = "invalid", "It is too long, no JSON, or a key is missing, unknown or of the wrong kind."
     CLOSED = "closed", "This site takes no intents from its broker."
@@ -59,7 +59,7 @@ class IntakeReason(ReasonCode):
 
 
 class IntentMessage(IntentBody):
-    """What an operator wants; acknowledged on `intent/ack` under its `id`."""
+    """An operator's intent; acknowledged on `intent/ack` under its `id`."""
 
     headerId: Annotated[int, Field(ge=0, le=2**32 - 1)] | None = None  # noqa: N815 - VDA 5050's name
     """Sender's counter; ignored."""
@@ -88,7 +88,7 @@ class IntentMessage(IntentBody):
 
 @dataclass(frozen=True, slots=True)
 class RefusedMessage:
-    """A message that is not carried out."""
+    """A message that is not executed."""
 
     id: str | None
     """Id of the intent, if readable."""
@@ -97,13 +97,13 @@ class RefusedMessage:
 
 
 def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retained: bool) -> Intent | RefusedMessage:
-    """Return what a message asks for, or why it is refused; never raises.
+    """Return a message's intent, or why it is refused; never raises.
 
     Args:
-        payload: The message as it came.
-        rules: What the site demands.
-        now_unix_s: Seconds since 1970, by this computer.
-        retained: Whether the broker had kept it for later subscribers.
+        payload: The message as received.
+        rules: The site's requirements.
+        now_unix_s: Unix time by this computer.
+        retained: Whether the broker had retained it for later subscribers.
     """
     if len(payload) > MOST_BYTES:
         return RefusedMessage(None, f"expected at most {MOST_BYTES} bytes, got {len(payload)}", IntakeReason.INVALID)
@@ -137,14 +137,14 @@ def _find_objection(
 
 
 def _id_of(payload: bytes) -> str | None:
-    """Return the id of a message that is wrong elsewhere, so that its sender knows which one."""
+    """Return the id of a message that is otherwise invalid, so that its sender can identify it."""
     named = find_object(payload.decode(errors="replace")).get("id")
     return named if isinstance(named, str) and re.fullmatch(ID, named) else None
 
 
 @dataclass(eq=False, repr=False)
 class IntentIntake:
-    """Takes what comes in, as fast as an operator could mean it."""
+    """Accept messages, at a rate that an operator could mean."""
 
     _rules: IntakeRules
     """Rules of the site."""
@@ -165,7 +165,7 @@ class IntentIntake:
     """Number of refused messages."""
 
     def handle_message(self, payload: bytes, retained: bool) -> None:
-        """Take one message; an empty one only clears what the broker had kept."""
+        """Take one message; an empty one only clears a retained message."""
         if not payload:
             return
         found, now_s = read_intent(payload, self._rules, self._clock(), retained=retained), self._monotonic_s()
@@ -177,7 +177,7 @@ class IntentIntake:
             too_many = f"expected at most {MOST_A_SECOND:g} intents a second"
             found = RefusedMessage(found.id, too_many, IntakeReason.TOO_MANY)
         self.refused += 1
-        # An answer to each would push the answers that somebody waits for out of the row.
+        # Answering each would push other answers out of the queue.
         if (refusing := self._refusing.take(1.0, now_s)) is not None:
             self._refusing = refusing
             self._refuse(found)

@@ -1,7 +1,7 @@
-"""Turns what happens in the flight into messages for the broker; docs/mqtt.md says of the payloads the same in words.
+"""Convert the flight's events to messages for the broker; docs/mqtt.md describes the payloads.
 
-The habits are those of VDA 5050 where they fit: a header with `headerId`, `timestamp` and `version`, a major version in
-the topic, the states of a connection. What a flight looks like is in the core's own words, as the page shows it.
+They follow VDA 5050 where it fits: a header with `headerId`, `timestamp` and `version`, a major version in the topic,
+connection states. The flight itself is described in core's own terms, as on the page.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ VERSION = "1.8.0"
 
 
 class MqttPayload(BaseModel):
-    """What every message begins with."""
+    """Common header of every message."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True, use_attribute_docstrings=True)
 
@@ -48,20 +48,20 @@ class MqttPayload(BaseModel):
 
 
 class ConnectionMessage(MqttPayload):
-    """Whether a flight is published here; retained, and the last will."""
+    """Connection state of the publisher; retained, and the last will."""
 
     connectionState: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]  # noqa: N815 - VDA 5050's name
-    """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker says that the ground station is gone."""
+    """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker lost the connection to it."""
 
 
 class VehicleStateMessage(MqttPayload):
-    """Everything about one vehicle; retained, on every change of what it does and at least every ten seconds."""
+    """State of one vehicle; retained, sent on every change of its activity and at least every ten seconds."""
 
     vehicle: VehicleView
 
 
 class TelemetryMessage(MqttPayload):
-    """Where one vehicle is, at the site's rate."""
+    """Telemetry of one vehicle, at the site's rate."""
 
     name: str
     state: str
@@ -77,11 +77,11 @@ class TelemetryMessage(MqttPayload):
     segment_name: str | None
     """Asset name of that segment."""
     segment_share: float | None
-    """Share of it that is done, from 0 to 1."""
+    """Completed share of it, from 0 to 1."""
 
 
 class FleetStateMessage(MqttPayload):
-    """The flight as a whole; retained, on every change and at least every ten seconds."""
+    """State of the whole flight; retained, sent on every change and at least every ten seconds."""
 
     flight_s: float | None
     """Seconds since the launch."""
@@ -97,7 +97,7 @@ class FleetStateMessage(MqttPayload):
     replan: ReplanView | None
     """Re-plan in progress."""
     all_silent: bool
-    """Whether no vehicle is heard."""
+    """Whether all vehicles are silent."""
     recalled: bool
     """Whether the flight was aborted."""
     finished: bool
@@ -116,7 +116,7 @@ class FleetStateMessage(MqttPayload):
 
 
 class AssetsMessage(MqttPayload):
-    """What became of each asset that asks for pictures; retained."""
+    """State of each asset that needs pictures; retained."""
 
     assets_total: int
     """Number of assets."""
@@ -136,7 +136,7 @@ class EventMessage(MqttPayload):
 
 
 class FaultMessage(MqttPayload):
-    """The judgement that a vehicle will not finish its route."""
+    """Decision that a vehicle will not finish its route."""
 
     vehicle: str
     code: FaultCode
@@ -149,7 +149,7 @@ class FaultMessage(MqttPayload):
 
 
 class PlanMessage(MqttPayload):
-    """The plan in force; retained. Of a large one the first part: further segments are in messages of their own."""
+    """Current plan; retained. Of a large plan the first part; further segments are in separate messages."""
 
     revision: int
     parts: Annotated[int, Field(ge=1)] = 1
@@ -172,7 +172,7 @@ class PlanPartMessage(MqttPayload):
 
 
 class AcknowledgementMessage(MqttPayload):
-    """What became of an intent; once when it is taken or refused, and again when it comes to its end."""
+    """Outcome of an intent: sent when it is accepted or refused, and again when it ends."""
 
     id: str | None
     """Id of the intent; null if unreadable."""
@@ -201,16 +201,16 @@ _FLEET = tuple(name for name in FleetStateMessage.model_fields if name in FleetV
 
 
 class Publisher:
-    """Fills the outbox; every method returns at once."""
+    """Fill the outbox; every method returns at once."""
 
     def __init__(self, topics: MqttTopics, outbox: Outbox, run: str, unix_s: Callable[[], float]) -> None:
         """Begin a flight.
 
         Args:
-            topics: Where to.
-            outbox: What the messages are put into.
-            run: The flight's name.
-            unix_s: Seconds since 1970.
+            topics: Topics to publish on.
+            outbox: Outbox for the messages.
+            run: Name of the flight.
+            unix_s: Unix time.
         """
         self._topics = topics
         self._outbox = outbox
@@ -226,12 +226,12 @@ class Publisher:
         """Time of the last check of assets, and how long it remains valid."""
 
     def build_presence(self, state: Presence) -> MqttMessage:
-        """Return the message that says whether we are there."""
+        """Return the message with our connection state."""
         topic = self._topics.fleet_topic("connection")
         return self._build_message(topic, ConnectionMessage, {"connectionState": state.value}, retain=True)
 
     def publish_view(self, view: FleetView) -> None:
-        """Publish the present: telemetry, and the states that have changed."""
+        """Publish the present: telemetry, and changed states."""
         for vehicle in view.vehicles:
             self._publish_telemetry(vehicle)
             topic = self._topics.vehicle_topic(vehicle.name, "state")
@@ -244,7 +244,7 @@ class Publisher:
         self._publish_state(self._topics.fleet_topic("state"), FleetStateMessage, slow, fleet)
 
     def publish_assets(self, views: Callable[[], Sequence[AssetView]], *, last: bool = False) -> None:
-        """Publish what became of assets, if it is another thing; not too often, unless it is for the last time."""
+        """Publish the assets' states if changed; at a limited rate, except for the last time."""
         (at_s, will_do_s), now_s = self._assets_s, self._unix_s()
         if not last and 0.0 <= now_s - at_s < will_do_s:
             return
@@ -259,7 +259,7 @@ class Publisher:
         self._outbox.put_latest(letter)
 
     def publish_event(self, event: Event, state: FleetState) -> None:
-        """Publish the faults that an event led to, and what became of intents."""
+        """Publish the faults that an event led to, and the outcome of intents."""
         if isinstance(event, Tick):
             self._publish_new_faults(state)
         answered = set()
@@ -269,19 +269,19 @@ class Publisher:
                     self._acknowledge_intent(record)
                     answered.add(name)
             self._records = state.crew.intents
-        # The same intent again changes nothing, and is answered again.
+        # A repeated intent changes nothing, and is answered again.
         if isinstance(event, IntentReceived) and event.intent.id not in answered:
             known = state.crew.intents.get(event.intent.id)
             if known is not None:
                 self._acknowledge_intent(known)
 
     def publish_line(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
-        """Publish a line for the operator, at the flight's time."""
+        """Publish a line for the operator, with the flight's time."""
         content = {"at_s": at_s, "flight_s": flight_s, "level": line.level.value, "text": line.text}
         self._outbox.enqueue(self._build_message(self._topics.fleet_topic("event"), EventMessage, content))
 
     def publish_plan(self, revision: int, document: Mapping[str, object]) -> None:
-        """Publish the plan in force, a large one in parts."""
+        """Publish the current plan, a large one in parts."""
         plan, *more = split_plan(document)
         parts, topic = 1 + len(more), self._topics.fleet_topic("plan")
         content = {"revision": revision, "parts": parts, "plan": plan}
@@ -290,12 +290,12 @@ class Publisher:
             content = {"revision": revision, "part": part, "parts": parts, **rest}
             topic = self._topics.plan_part_topic(part)
             self._outbox.put_latest(self._build_message(topic, PlanPartMessage, content, retain=True))
-        for part in range(parts + 1, self._plan_parts + 1):  # of the plan before
+        for part in range(parts + 1, self._plan_parts + 1):  # of the previous plan
             self._outbox.put_latest(MqttMessage(self._topics.plan_part_topic(part), b"", retain=True))
         self._plan_parts = parts
 
     def publish_refusal(self, refusal: RefusedMessage) -> None:
-        """Say that a message is not carried out."""
+        """Publish that a message is not executed."""
         self._acknowledge({"id": refusal.id, "outcome": "refused", "code": refusal.code, "text": refusal.reason})
 
     def _acknowledge_intent(self, record: IntentRecord) -> None:
@@ -324,10 +324,10 @@ class Publisher:
         self._outbox.put_latest(self._build_message(topic, TelemetryMessage, content))
 
     def _publish_state(self, topic: str, kind: type[MqttPayload], slow: object, content: Content) -> None:
-        """Publish a state if what changes slowly in it has changed, or if it is time."""
+        """Publish a state if its slow part has changed, or if it is due."""
         before, at_s = self._states.get(topic, (None, float("-inf")))
         now_s = self._unix_s()
-        # Read with care: this clock may be set back.
+        # Compare with care: this clock may be set back.
         if slow == before and 0.0 <= now_s - at_s < AT_LEAST_EVERY_S:
             return
         self._states[topic] = (slow, now_s)
@@ -344,7 +344,7 @@ class Publisher:
 
 
 def split_plan(document: Mapping[str, Any], most_bytes: int = MOST_PLAN_BYTES) -> Iterator[dict[str, Any]]:
-    """Yield a plan with as many of its segments as a message holds, then the others with their tracks, part by part."""
+    """Yield a plan with as many segments as a message holds, then the other segments and their tracks in parts."""
 
     def size(value: object) -> int:
         return len(json.dumps(value, separators=(",", ":")))
@@ -369,7 +369,7 @@ def split_plan(document: Mapping[str, Any], most_bytes: int = MOST_PLAN_BYTES) -
 
 
 def _extract_slow_part(vehicle: VehicleView) -> object:
-    """Return what makes a vehicle's state another one; the rest moves all the time, and telemetry tells it."""
+    """Return the part of a vehicle's state that is published on change; the rest is in the telemetry."""
     progress, measured_pct, taken = vehicle.progress, vehicle.battery.measured_pct, vehicle.taken
     return (
         (vehicle.state, vehicle.mode, vehicle.armed, vehicle.stale, vehicle.excluded, vehicle.fault),

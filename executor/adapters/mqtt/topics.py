@@ -11,7 +11,7 @@ MAJOR = "v1"
 
 @dataclass(frozen=True, slots=True)
 class BrokerAddress:
-    """Where the broker is, and what it wants to know."""
+    """Address and settings of the broker."""
 
     host: str
     port: int
@@ -22,7 +22,7 @@ class BrokerAddress:
     tls: ssl.SSLContext | None = None
     protocol: Literal["3.1.1", "5"] = "3.1.1"
     websocket_path: str | None = None
-    """None for plain TCP."""
+    """WebSocket path; None for plain TCP."""
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}"
@@ -30,12 +30,12 @@ class BrokerAddress:
 
 @dataclass(frozen=True, slots=True)
 class MqttTopics:
-    """Where everything is published under a prefix."""
+    """Topics under a prefix."""
 
     prefix: str
 
     def __str__(self) -> str:
-        """Return what all topics begin with."""
+        """Return the common prefix of all topics."""
         return f"{self.prefix}/{MAJOR}"
 
     def vehicle_topic(self, name: str, what: Literal["state", "telemetry"]) -> str:
@@ -47,15 +47,15 @@ class MqttTopics:
         return f"{self}/fleet/{what}"
 
     def plan_part_topic(self, part: int) -> str:
-        """Return where the second part of a plan, or a later one, is published."""
+        """Return the topic of a plan's second or later part."""
         return f"{self.fleet_topic('plan')}/{part}"
 
     @property
     def intent_topic(self) -> str:
-        """Return where intents are taken from."""
+        """Return the topic for intents."""
         return f"{self}/intent"
 
     @property
     def acknowledgement_topic(self) -> str:
-        """Return where they are answered."""
+        """Return the topic for acknowledgements."""
         return f"{self}/intent/ack"

@@ -1,4 +1,4 @@
-"""Texts made from the templates beside this: pages, in which what comes from outside is escaped, and a site."""
+"""Render the templates in this package: pages, in which outside data is escaped, and a site file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from missions.files import json_text, write_whole
 
 STATIC = resources.files("executor.adapters") / "web" / "static"
-"""What browsers are given by a flight's server, too: a page that stands alone has it inside."""
+"""Files of a flight's server for browsers; a stand-alone page includes them."""
 IMPORT = re.compile(r'^import (\{[^}]*\}) from "\./([\w-]+\.js)";$', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=let |(?:async )?(?:class|const|function) (\w+))", re.MULTILINE)
 
@@ -25,8 +25,8 @@ def render_template(template: str, **content: object) -> str:
     """Return the text of a page or a file.
 
     Args:
-        template: The name of its template.
-        content: What the template shows, by the names that it uses.
+        template: Name of the template.
+        content: Values for the template, by name.
     """
     return _load_environment().get_template(template).render(content)
 
@@ -35,9 +35,9 @@ def write_page(path: Path, text: str) -> None:
     """Write a page, whole or not at all.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: The file cannot be written.
     """
-    # A vehicle's words may hold half a surrogate pair; that must not cost the page.
+    # A vehicle's text may hold half a surrogate pair; that must not cost the page.
     write_whole(path, text.encode("utf-8", errors="xmlcharrefreplace"))
 
 
@@ -63,18 +63,18 @@ def _load_environment() -> Environment:
 
 @cache
 def inline_script(name: str) -> str:
-    """Return a module of the pages, with all that it imports before it, as a script that needs no other file."""
+    """Return a module of the pages and all its imports as one script that needs no other file."""
     return "".join(('"use strict";\nconst modules = {};\n', *_list_modules(name, set())))
 
 
 def _list_modules(name: str, known: set[str]) -> Iterator[str]:
-    """Yield each module that is not known as a function that is called, what it imports first."""
+    """Yield each new module as a function that is called, after its imports."""
     known.add(name)
     text = _read_static(name)
     for _, imported in IMPORT.findall(text):
         if imported not in known:
             yield from _list_modules(imported, known)
-    given = ", ".join(filter(None, EXPORT.findall(text)))  # what changes, by `let`, stays where it is
+    given = ", ".join(filter(None, EXPORT.findall(text)))  # mutable values, declared with `let`, stay in place
     body = EXPORT.sub("", IMPORT.sub(r'const \1 = modules["\2"];', text))
     yield f'modules["{name}"] = (() => {{\n{body}return {{ {given} }};\n}})();\n'
 
@@ -85,18 +85,18 @@ def _read_static(name: str) -> str:
 
 
 def _encode_json(content: object) -> str:
-    """Return JSON that may stand in an element: nothing in it ends one, or begins one."""
+    """Return JSON that is safe inside an element: it neither ends nor begins one."""
     text = json_text(content, (",", ":"))
     return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
 
 
 def _compute_digest(script: str) -> str:
-    """Return what a content security policy names a script by."""
+    """Return the digest that identifies a script in a content security policy."""
     return f"sha256-{b64encode(sha256(script.encode()).digest()).decode('ascii')}"
 
 
 def format_value(value: object) -> str:
-    """Return a value of a page in words.
+    """Return a page's value in words.
 
     >>> format_value(None), format_value(True), format_value([3, 4]), format_value(211.44)
     ('unknown', 'yes', '3, 4', '211.4')
@@ -117,5 +117,5 @@ def format_value(value: object) -> str:
 
 
 def encode_data_url(content: bytes, kind: str) -> str:
-    """Return the address of a content that is in the address itself."""
+    """Return a data URL with a content."""
     return f"data:{kind};base64,{b64encode(content).decode('ascii')}"

@@ -1,1 +1,1 @@
-"""The page to fly by: a small server in a thread of its own, and the files that a browser is given."""
+"""Web page of the flight: a small server in its own thread, and the static files for browsers."""

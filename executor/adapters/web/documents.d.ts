@@ -42,39 +42,39 @@ export interface FleetView {
   radios: RadioView[];
 }
 
-/** What the page gets in each state beside a fleet's view. */
+/** Additions to the fleet's view in each state of the page. */
 export interface BesideFleet {
-  /** Seconds of the flight in a real one. */
+  /** Speed-up: flight seconds per real second. */
   speedup: number;
-  /** How long ago the flight decided last. */
+  /** Seconds since the flight's last decision. */
   decided_age_s: number | null;
-  /** Changes whenever a route does: then there is a new `PageChart`. */
+  /** Stamp of the routes; if it changes, there is a new `PageChart`. */
   chart: number[];
   /** Segments that count as inspected by evidence alone. */
   inferred: number[];
-  /** Changes whenever `PageAssets` may have. */
+  /** Stamp of the assets; changes whenever `PageAssets` may have. */
   assets: number;
 }
 
-/** What the page gets of each vehicle beside its view. */
+/** Additions to each vehicle's view on the page. */
 export interface BesideVehicle {
   place_m: [number, number] | null;
-  /** Of its route: the one that it flies to. */
+  /** Waypoint of its route that it flies to. */
   waypoint: number;
 }
 
-/** `/chart`: what changes seldom. */
+/** `/chart`: data that seldom changes. */
 export interface PageChart {
   chart: number[];
-  /** The re-plan window of the first plan. */
+  /** Re-plan window of the first plan. */
   window: Window | null;
   /** Whether segments are inspected by pictures. */
   pictures: boolean;
-  /** Segments, and how many pictures each asks for. */
+  /** Segments, and the number of pictures that each needs. */
   assets: [number, number][];
-  /** Of each segment. */
+  /** Name of each segment. */
   names: string[];
-  /** Segments that are none of this flight. */
+  /** Segments that are not part of this flight. */
   left_out: number[];
   /** Segments in an area, or behind one. */
   unreachable: number[];
@@ -83,7 +83,7 @@ export interface PageChart {
   vehicles: PageVehicle[];
 }
 
-/** `/assets`: all but open ones without a picture. */
+/** `/assets`: all assets except open ones without a picture. */
 export interface PageAssets {
   assets: number;
   rows: ([number, string, number, string | null])[];
@@ -341,7 +341,7 @@ export interface Window {
   breaking: BreakingLoss | null;
 }
 
-/** What flights keep out of. */
+/** An area to avoid. */
 export interface PageArea {
   name: string;
   /** Whether it is a height limit. */
@@ -354,7 +354,7 @@ export interface PageVehicle {
   name: string;
   pad_m: [number, number];
   route: PageRoute | null;
-  /** Where it has flown so far. */
+  /** Track flown so far. */
   track_m: [number, number][];
 }
 
@@ -711,7 +711,7 @@ export interface BreakingLoss {
 export interface PageRoute {
   revision: number;
   places_m: [number, number][];
-  /** Of each waypoint: whether the way to it is an inspection. */
+  /** Whether the leg to each waypoint is an inspection. */
   inspect: boolean[];
   segments: number[];
 }

@@ -1,11 +1,11 @@
-"""Who may talk to the server: names, origins, tokens, how much anybody may send, and how many may be connected.
+"""Guard the web server: host names, origins, tokens, request sizes, and the number of connections.
 
 A page of another origin must not fly our vehicles: its requests carry another Origin, and a name that was made to point
-here (DNS rebinding) is no name that we answer to. Every answer forbids the browser whatever the page does not need.
+here (DNS rebinding) is not one of ours. Every answer forbids the browser all features that the page does not need.
 
-This computer has places of its own, which connections from elsewhere never use up. Where all places are taken, the one
-that has been silent longest makes room: a browser says what it wants within moments. The present goes out as
-server-sent events: the newest state wins, and who cannot follow is let go.
+Connections from this computer have their own quota, which other clients never use up. If a quota is full, the
+connection that was silent longest is closed: browsers send their request within moments. State is sent as server-sent
+events: the newest one wins, and a client that cannot keep up is disconnected.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_BODY = 4096
-"""Bytes of a request: an intent has about 100."""
+"""Most bytes of a request body: an intent has about 100."""
 Refuse = Callable[..., Response]
-"""Returns an answer of a text, a status and headers."""
+"""Build a response from a text, a status and headers."""
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -40,26 +40,26 @@ HEADERS = {
     "referrer-policy": "no-referrer",
     "cross-origin-resource-policy": "same-origin",
 }
-"""Beside these, what does not say how long it may be kept is not kept at all."""
+"""Response headers; a response without cache-control also gets no-store."""
 
 
 @dataclass(eq=False, repr=False)
 class Guard:
-    """ASGI middleware that lets through what may talk to us."""
+    """ASGI middleware that lets permitted requests through."""
 
     _app: ASGIApp
-    """What is guarded."""
+    """Application behind the guard."""
     names: frozenset[str]
-    """Host names that we answer to, beside numeric addresses where a token is asked for."""
+    """Accepted host names, besides numeric addresses if a token is required."""
     token: str | None
-    """What has to be shown; None where only this computer can connect."""
+    """Required token; None if only this computer can connect."""
     most_bytes: Callable[[str], int] = lambda _: MOST_BODY
-    """How long the body of a request may be, by its path."""
+    """Most bytes of a request body, by path."""
     refuse: Refuse = PlainTextResponse
-    """Makes the answer to what is not let through."""
+    """Builds the response to a refused request."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or hand it on."""
+        """Refuse a request, or pass it to the application."""
         if scope["type"] != "http":
             return
 
@@ -115,7 +115,7 @@ class Guard:
         return self.token is not None and secrets.compare_digest(value.encode(), self.token.encode())
 
     def _admit_by_token(self, scope: Scope) -> Response:
-        """Take the token of the address that the terminal showed, once, and keep it as a cookie."""
+        """Accept the token in the address that the terminal showed, and store it as a cookie."""
         value = QueryParams(scope["query_string"]).get("token", "")
         if scope["method"] == "GET" and scope["path"] == "/" and self._is_token(value):
             answer = RedirectResponse(URL(scope=scope).path, 303)
@@ -126,12 +126,12 @@ class Guard:
 
 
 def cookie_name_for(token: str) -> str:
-    """Return what a browser keeps a token as: it does not tell two flights on one computer apart by their ports."""
+    """Return the cookie name for a token: cookies ignore ports, so two flights on one computer need different names."""
     return f"faultline_{sha256(token.encode()).hexdigest()[:12]}"
 
 
 def _name_of(host: str) -> str:
-    """Return a Host without its port.
+    """Return a Host header without its port.
 
     >>> _name_of("localhost:8080"), _name_of("[::1]:8080"), _name_of("10.0.0.7")
     ('localhost', '[::1]', '10.0.0.7')
@@ -149,9 +149,9 @@ def _is_same_origin(headers: Headers, host: str) -> bool:
 
 
 def _is_link_of_this_computer(scope: Scope, headers: Headers) -> bool:
-    """Return whether a browser opens the page itself from a page of the same computer, as the plan page leads to it.
+    """Return whether a link on a page of the same computer opens the page, as the plan page does.
 
-    Nothing but the page is given, and to nobody but who looks at it: no other page may read or frame it.
+    Only the page itself is served, and only for viewing: no other page may read or frame it.
     """
     kind = tuple(headers.get(f"sec-fetch-{key}") for key in ("site", "mode", "dest"))
     is_page = scope["method"] == "GET" and scope["path"] == "/"
@@ -159,7 +159,7 @@ def _is_link_of_this_computer(scope: Scope, headers: Headers) -> bool:
 
 
 def _is_small(headers: Headers, most_bytes: int) -> bool:
-    """Return whether a body has a length, and a small one; a request without a body says nothing of it."""
+    """Return whether a body has a known and small length; a request without a body has no length header."""
     if "transfer-encoding" in headers:
         return False
     length = headers.get("content-length", "0")
@@ -168,34 +168,34 @@ def _is_small(headers: Headers, most_bytes: int) -> bool:
 
 HERE = "this computer"
 LOOK_S = 0.25
-"""Real seconds between two looks at who is silent."""
+"""Real seconds between two checks for idle connections."""
 FULL = (
     b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\nconnection: close\r\n"
     b"content-length: 28\r\n\r\ntoo many connections at once"
 )
 AT_ONCE = struct.pack("ii", 1, 0)
-"""Lingers for no time."""
+"""SO_LINGER of zero time: closes at once."""
 SLOWEST_BYTES_S = 50_000.0
-"""Who sends so much is not silent, however long its request lasts."""
+"""Bytes per second above which a connection is not silent, however long its request lasts."""
 WAITING = frozenset({h11.IDLE, h11.SEND_BODY})
-"""States of one whose request is not whole."""
+"""States of a connection whose request is incomplete."""
 
 Guest = TypeVar("Guest")
 
 
 @dataclass(frozen=True, slots=True)
 class ConnectionQuota:
-    """How many there may be."""
+    """Most connections of each origin."""
 
     here: int
-    """From this computer."""
+    """Connections from this computer."""
     elsewhere: int
-    """From everywhere else together."""
+    """Connections from all other addresses together."""
     address: int
-    """From one of those addresses."""
+    """Connections from one of those addresses."""
 
     def find_rivals(self, guests: Mapping[Guest, str], origin: str) -> list[Guest]:
-        """Return of whom one must go before another may come from there; nobody where there is room."""
+        """Return the connections of which one must close to admit another from there; none if there is room."""
         same = [guest for guest, other in guests.items() if other == origin]
         if len(same) >= (self.here if origin == HERE else self.address):
             return same
@@ -205,18 +205,18 @@ class ConnectionQuota:
 
 @dataclass(frozen=True, slots=True)
 class ConnectionLimits:
-    """How much anybody may take of the server."""
+    """Limits for each client of the server."""
 
     connections: ConnectionQuota = ConnectionQuota(64, 96, 16)
     streams: ConnectionQuota = ConnectionQuota(24, 24, 8)
     request_s: float = 5.0
-    """Real seconds for a whole request, from its first byte on, or from the connection."""
+    """Real seconds for a whole request, from its first byte, or from the connection."""
     answer_s: float = 10.0
-    """Real seconds in which nothing of an answer is taken."""
+    """Real seconds within which the client must accept part of an answer."""
 
 
 def origin_of(peer: str, own: str) -> str:
-    """Return from where a connection comes: this computer, an address, or a network that one computer may have.
+    """Return a connection's origin: this computer, an address, or a network that one computer may own.
 
     >>> origin_of("127.0.0.1", "127.0.0.1"), origin_of("10.0.0.7", "10.0.0.2"), origin_of("10.0.0.2", "10.0.0.2")
     ('this computer', '10.0.0.7', 'this computer')
@@ -237,15 +237,15 @@ def origin_of(peer: str, own: str) -> str:
 
 
 class ConnectionRegistry:
-    """Knows all connections."""
+    """All open connections."""
 
     def __init__(self, limits: ConnectionLimits) -> None:
-        """Open it."""
+        """Start without connections."""
         self.limits = limits
         self._callers: dict[WebConnection, str] = {}
 
     def admit(self, caller: WebConnection, origin: str) -> bool:
-        """Let a connection in; another one may have to go for it. Returns false where there is no room."""
+        """Admit a connection, if necessary by closing another one. Return false if there is no room."""
         rivals = self.limits.connections.find_rivals(self._callers, origin)
         if rivals:
             silent = _find_most_silent(rivals)
@@ -256,11 +256,11 @@ class ConnectionRegistry:
         return True
 
     def release(self, caller: WebConnection) -> None:
-        """Forget a connection."""
+        """Remove a connection."""
         self._callers.pop(caller, None)
 
     async def close_idle_connections(self) -> None:
-        """End what is silent for too long, for ever."""
+        """Close overdue connections periodically."""
         while True:
             now_s = asyncio.get_running_loop().time()
             for caller in tuple(self._callers):
@@ -270,38 +270,38 @@ class ConnectionRegistry:
 
     def _abort_connection(self, caller: WebConnection) -> None:
         self.release(caller)
-        with suppress(OSError):  # without waiting for what the other end does not take
+        with suppress(OSError):  # without waiting for data that the other end does not accept
             caller.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
         caller.transport.abort()
 
 
 class WebConnection(H11Protocol):
-    """One connection, which knows since when it has been silent."""
+    """One connection that records how long it has been silent."""
 
     door: ClassVar[ConnectionRegistry]
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Ask for a place."""
+        """Register the connection."""
         super().connection_made(cast("asyncio.Transport", transport))
         self.silent_s: float | None = self.loop.time()
-        """Since when the rest of a request is waited for."""
+        """Time since when the rest of a request is awaited."""
         self.stuck_s: float | None = None
-        """Since when nothing of an answer is taken."""
+        """Time since when the client has accepted no part of an answer."""
         self._unsent = 0
         self._begun = False
-        """Whether a part of a request has come."""
+        """Whether part of a request has arrived."""
         peer, own = (str((transport.get_extra_info(name) or ("",))[0]) for name in ("peername", "sockname"))
         if not self.door.admit(self, origin_of(peer, own)):
             self.transport.write(FULL)
             self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Give the place back."""
+        """Unregister the connection."""
         self.door.release(self)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take a part of a request."""
+        """Take part of a request."""
         if self.silent_s is not None:
             now_s, begun = self.loop.time(), self._begun
             self._begun, self.silent_s = (
@@ -311,7 +311,7 @@ class WebConnection(H11Protocol):
         try:
             super().data_received(data)
         except h11.LocalProtocolError:
-            self.transport.abort()  # nonsense in the midst of an answer: there is no way to say so any more
+            self.transport.abort()  # invalid data during an answer: too late for an error response
             return
         if self.conn.their_state not in WAITING:
             self.silent_s = None
@@ -323,7 +323,7 @@ class WebConnection(H11Protocol):
         self.silent_s, self._begun = self.loop.time() if waits else None, False
 
     def is_overdue(self, now_s: float) -> bool:
-        """Return whether it has kept its place for too long; asked for again and again."""
+        """Return whether it has kept its slot for too long; checked regularly."""
         unsent = self.transport.get_write_buffer_size()
         if unsent == 0:
             self.stuck_s = None
@@ -336,7 +336,7 @@ class WebConnection(H11Protocol):
 
 
 def _find_most_silent(callers: Iterable[WebConnection]) -> WebConnection | None:
-    """Return who has been silent longest; None if everybody is being answered."""
+    """Return the connection silent longest; None if all are being answered."""
     since_s = {
         caller: min(one for one in (caller.silent_s, caller.stuck_s) if one is not None)
         for caller in callers
@@ -346,19 +346,19 @@ def _find_most_silent(callers: Iterable[WebConnection]) -> WebConnection | None:
 
 
 SLOW_S = 10.0
-"""A browser that takes longer than this for one state is let go; it comes back by itself."""
+"""Longest real seconds for a browser to accept one state; a slower one is disconnected, and reconnects."""
 RETRY_MS = 1000
 
 
 class LatestValue:
-    """Holds one value; everybody who waits gets the newest, and misses those in between."""
+    """Hold one value; every waiting reader gets the newest, and misses those in between."""
 
     def __init__(self) -> None:
-        """Hold nothing."""
+        """Start without a value."""
         self.value = b""
         self.count = 0
         self.streams: dict[EventStream, str] = {}
-        """Who follows, from where; the oldest first."""
+        """Open streams and their origins, oldest first."""
         self._news = asyncio.Condition()
         self._closed = False
 
@@ -370,13 +370,13 @@ class LatestValue:
             self._news.notify_all()
 
     async def close(self) -> None:
-        """Let everybody who waits have the newest value, and go."""
+        """Give waiting readers the newest value, and end their streams."""
         async with self._news:
             self._closed = True
             self._news.notify_all()
 
     async def iterate_values(self) -> AsyncIterator[bytes]:
-        """Yield the value that is there, then each newest one."""
+        """Yield the current value, then each newest one."""
         seen = -1
         while True:
             async with self._news:
@@ -389,7 +389,7 @@ class LatestValue:
 
 
 class EventStream(StreamingResponse):
-    """An answer that lasts until the browser goes, takes nothing, or must make room for another one."""
+    """Event stream that lasts until the browser leaves, stalls, or must make room for another one."""
 
     def __init__(self, newest: LatestValue, limits: ConnectionLimits | None = None) -> None:
         """Follow a value."""
@@ -397,10 +397,10 @@ class EventStream(StreamingResponse):
         self._newest = newest
         self._places = (limits or ConnectionLimits()).streams
         self.patience = asyncio.timeout(None)
-        """By when the value on its way must be taken, if one is."""
+        """Deadline for the browser to accept the value being sent, if any."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send what is newest, for as long as it is taken."""
+        """Send the newest values while the browser accepts them."""
         peer, own = (scope.get(name) or ("", 0) for name in ("client", "server"))
         self._take_place(origin_of(peer[0], own[0]))
         try:
@@ -411,9 +411,9 @@ class EventStream(StreamingResponse):
             self._newest.streams.pop(self, None)
 
     def _take_place(self, origin: str) -> None:
-        """Take a place; where there is none, who takes nothing goes first, then who has looked longest.
+        """Take a slot; if none is free, close a stalled stream, or else the oldest.
 
-        A browser that must go comes back by itself.
+        A disconnected browser reconnects.
         """
         rivals = self._places.find_rivals(self._newest.streams, origin)
         if rivals:
@@ -424,7 +424,7 @@ class EventStream(StreamingResponse):
         self._newest.streams[self] = origin
 
     def wait_until(self, at_s: float | None) -> None:
-        """Be patient until then, or for ever; who has no place any more is being let go."""
+        """Set the deadline, None for no limit; unchanged for a stream that is being closed."""
         if self in self._newest.streams and not self.patience.expired():
             self.patience.reschedule(at_s)
 

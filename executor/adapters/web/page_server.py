@@ -1,6 +1,6 @@
-"""What serves a page: a thread with an event loop of its own, so that no request and no slow browser delays anything.
+"""Server of a page: a thread with its own event loop, so that no request and no slow browser delays the flight.
 
-A page has its own answers; the door, the files that browsers are given and the stream of what is newest are the same.
+Each page has its own routes; the guard, the static files and the event stream are shared.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from executor.supervised import WAITS_S, run_beside
 from missions import Window
 
 SEND_BYTES = 1 << 16
-"""Room for what is on the way to a browser: a few states."""
+"""Send buffer of a connection: a few states."""
 ENDS_S = 5.0
-"""How long the server may take to end."""
+"""Seconds for the server to end."""
 START_S = 10.0
 TYPES: Mapping[str, str] = {
     ".css": "text/css; charset=utf-8",
@@ -44,39 +44,39 @@ TYPES: Mapping[str, str] = {
     ".svg": "image/svg+xml",
     ".webp": "image/webp",
 }
-"""Of the files that browsers are given, by what their names end in."""
+"""Content types of static files, by suffix."""
 STATIC = resources.files("executor.adapters.web").joinpath("static")
 
 ErrorHandler = Callable[[str, BaseException], None]
-"""Called with what died, and of what; from another thread."""
+"""Called with the failed activity and its exception; from another thread."""
 
 
 @dataclass(frozen=True, slots=True)
 class WebSettings:
-    """Where the server listens."""
+    """Address and content of the server."""
 
     host: str
     port: int
-    """0 for a free one."""
+    """TCP port; 0 for any free one."""
     token: str | None
-    """What has to be shown; None where only this computer can connect."""
+    """Required token; None if only this computer can connect."""
     names: frozenset[str] = frozenset()
-    """Host names that it answers to, beside its own."""
+    """Accepted host names, besides its own."""
     speedup: float = 1.0
-    """Seconds of the flight in a real one."""
+    """Speed-up: flight seconds per real second."""
     ground: Mapping[str, bytes] = field(default_factory=dict)
-    """What lies below the line: `ground.json`, and the pictures that it names."""
+    """Ground below the line: `ground.json`, and the pictures that it names."""
     window: Window | None = None
-    """The re-plan window of the first plan."""
+    """Re-plan window of the first plan."""
 
 
 _uvicorn_log = logging.getLogger("uvicorn.error")
-# It would go to the crew's terminal, tracebacks and all; what matters of it goes to `ErrorHandler`.
+# Else it would go to the crew's terminal, with tracebacks; relevant errors go to `ErrorHandler`.
 _uvicorn_log.propagate = False
 
 
 class _Log(logging.Handler):
-    """Hands on what a request died of; the rest, such as that somebody sent nonsense, is nobody's concern."""
+    """Pass on exceptions of requests; drop the rest, such as invalid requests."""
 
     def __init__(self, on_error: ErrorHandler) -> None:
         super().__init__()
@@ -89,7 +89,7 @@ class _Log(logging.Handler):
 
 
 class PageServer(ABC):
-    """Serves one page; a context manager."""
+    """Serve one page; a context manager."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class PageServer(ABC):
         on_error: ErrorHandler = lambda *_: None,
         limits: guard.ConnectionLimits | None = None,
     ) -> None:
-        """Prepare a server; entering it makes it listen."""
+        """Prepare a server; entering the context starts it."""
         self._settings = settings
         self._on_error = on_error
         self._limits = limits or guard.ConnectionLimits()
@@ -110,7 +110,7 @@ class PageServer(ABC):
         self._ending: asyncio.Future[None] | None = None
         self._log = _Log(on_error)
         self.address = ""
-        """Where the page is, once it listens."""
+        """Address of the page, once the server listens."""
 
     @abstractmethod
     def build_app(self) -> ASGIApp:
@@ -118,19 +118,19 @@ class PageServer(ABC):
 
     @abstractmethod
     async def _keep_newest(self) -> None:
-        """Put what is new into the stream, for ever."""
+        """Publish new values to the stream, until the end."""
 
     @abstractmethod
     async def _close(self) -> None:
-        """Say how it ended, before those who look are let go."""
+        """Publish the final state before the streams end."""
 
     @property
     def _names(self) -> frozenset[str]:
-        """Host names that it answers to."""
+        """Return the accepted host names."""
         return frozenset({"localhost", "127.0.0.1", "[::1]", socket.gethostname().lower()}) | self._settings.names
 
     def _list_shared_routes(self, page: str) -> Sequence[Route]:
-        """Return the routes that all pages have; `page` is the file that a browser gets first."""
+        """Return the routes that all pages share; `page` is the file that a browser loads first."""
 
         async def serve_page(_: Request) -> Response:
             return Response(STATIC.joinpath(page).read_bytes(), media_type="text/html; charset=utf-8")
@@ -145,7 +145,7 @@ class PageServer(ABC):
         """Listen.
 
         Raises:
-            ConnectionFailed: the address cannot be listened on.
+            ConnectionFailed: The address cannot be listened on.
         """
         host, port = self._settings.host, self._settings.port
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -153,7 +153,7 @@ class PageServer(ABC):
             self._socket = socket.create_server((host, port), family=family, backlog=64)
         except OSError as error:
             raise ConnectionFailed(f"web: cannot listen on {host} port {port}: {error.strerror}") from error
-        # What waits here for a slow browser is old by the time that it arrives.
+        # Data that waits here for a slow browser is outdated when it arrives.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         port = self._socket.getsockname()[1]
         shown = _find_own_address() if ipaddress.ip_address(host).is_unspecified else host
@@ -166,11 +166,11 @@ class PageServer(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop; browsers that still look are let go."""
+        """Stop, and disconnect browsers."""
         self._ended.set()
         loop, server = self._loop, self._server
         if loop is not None and server is not None:
-            with suppress(RuntimeError):  # it has ended by itself
+            with suppress(RuntimeError):  # it has already ended
                 loop.call_soon_threadsafe(self._shut_down, server)
         self._thread.join(ENDS_S)
         if self._thread.is_alive():
@@ -180,7 +180,7 @@ class PageServer(ABC):
             self._socket.close()
 
     def _shut_down(self, server: uvicorn.Server) -> None:
-        """Show everybody how it ended, and stop."""
+        """Send the final state to all browsers, and stop."""
 
         async def end() -> None:
             try:
@@ -192,7 +192,7 @@ class PageServer(ABC):
         self._ending = asyncio.ensure_future(end())
 
     def _run(self) -> None:
-        """Serve, and again whenever that dies, until the end."""
+        """Serve, and restart after every failure, until the end."""
         for attempt in itertools.count():
             try:
                 asyncio.run(self._serve())
@@ -210,7 +210,7 @@ class PageServer(ABC):
         self._newest = guard.LatestValue()
 
         class AtThisDoor(guard.WebConnection):
-            """What uvicorn makes of every connection."""
+            """Protocol that uvicorn creates for every connection."""
 
         AtThisDoor.door = door
         config = uvicorn.Config(
@@ -218,7 +218,7 @@ class PageServer(ABC):
             proxy_headers=False, timeout_keep_alive=5, timeout_graceful_shutdown=1, http=AtThisDoor,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
-        # uvicorn closes what it listens on when it ends; ours is listened on again.
+        # uvicorn closes its listening socket when it ends; ours is used again.
         with self._socket.dup() as plug:
             async with (
                 run_beside("the page's stream", self._keep_newest),
@@ -245,7 +245,7 @@ class PageServer(ABC):
 
 
 def _find_own_address() -> str:
-    """Return the address under which others in the field reach this computer; nothing is sent."""
+    """Return this computer's address for others in the field; sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         try:
             one.connect(("10.255.255.255", 9))

@@ -1,7 +1,7 @@
-"""The server of a flight's page.
+"""Server of a flight's page.
 
-The flight hands over nothing but its newest state, which is a value. An intent goes the other way, by a callable that
-hands it to the flight's own loop and returns what became of it.
+The flight hands over only its newest state, an immutable value. Intents go the other way: a callable passes one to the
+flight's own loop and returns its outcome.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from missions import format_first_error
 PERIOD_S = 0.4
 """Real seconds between two states: at most half of the second that a state may be old."""
 ANSWER_S = 5.0
-"""How long the flight may take to decide about an intent."""
+"""Seconds for the flight to decide about an intent."""
 STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
 
 Submit = Callable[[Intent], "Future[IntentRecord]"]
-"""Hands an intent to the flight; called from another thread."""
+"""Pass an intent to the flight; called from another thread."""
 
 
 class WebServer(PageServer):
-    """Serves one flight; a context manager."""
+    """Serve one flight; a context manager."""
 
     def __init__(
         self,
@@ -52,11 +52,11 @@ class WebServer(PageServer):
         on_error: ErrorHandler = lambda *_: None,
         limits: ConnectionLimits | None = None,
     ) -> None:
-        """Prepare a server; entering it makes it listen."""
+        """Prepare a server; entering the context starts it."""
         super().__init__(settings, on_error, limits)
         self._present = WebSnapshot(context, now, settings.speedup, describe, settings.window)
         self._etags = {name: f'"{sha256(one).hexdigest()[:20]}"' for name, one in settings.ground.items()}
-        """What browsers, which may keep these files, tell them by."""
+        """ETags of the ground files, which browsers may cache."""
         self._submit = submit
 
     def build_app(self) -> ASGIApp:
@@ -76,13 +76,13 @@ class WebServer(PageServer):
         await self._newest.put(self._present.encode_state())
 
     async def _keep_newest(self) -> None:
-        """Make one state for everybody, a few times a second."""
+        """Build one state for all browsers, a few times a second."""
         while True:
             await self._newest.put(self._present.encode_state())
             await asyncio.sleep(PERIOD_S)
 
     async def _serve_ground_file(self, request: Request) -> Response:
-        """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
+        """Return a file that stays the same during the whole flight; 304 if the browser has it."""
         name = request.path_params["name"]
         etag = self._etags.get(name)
         if etag is None:

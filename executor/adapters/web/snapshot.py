@@ -1,7 +1,7 @@
-"""What a browser is told: the flight's present, and the map that changes seldom.
+"""Data for browsers: the flight's current state, and the map, which seldom changes.
 
-The flight's states are immutable values, so they are read here, beside the flight, while it goes on. Of the documents
-./scripts/reference makes documents.d.ts, which the page's JavaScript is checked by.
+The flight's states are immutable values, so this thread reads them while the flight goes on. ./scripts/reference writes
+documents.d.ts from these documents, against which the page's JavaScript is checked.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from missions.no_fly_areas import Area, AreaKind
 Place = tuple[float, float]
 """East and north of the depot, in metres."""
 AssetRow = tuple[int, str, int, str | None]
-"""Segment, state, pictures and vehicle."""
+"""Segment, state, number of pictures and vehicle."""
 
 
 class BesideFleet(TypedDict):
-    """What the page gets in each state beside a fleet's view."""
+    """Additions to the fleet's view in each state of the page."""
 
     speedup: float
-    """Seconds of the flight in a real one."""
+    """Speed-up: flight seconds per real second."""
     decided_age_s: float | None
-    """How long ago the flight decided last."""
+    """Seconds since the flight's last decision."""
     chart: list[int]
-    """Changes whenever a route does: then there is a new `PageChart`."""
+    """Stamp of the routes; if it changes, there is a new `PageChart`."""
     inferred: list[int]
     """Segments that count as inspected by evidence alone."""
     assets: int
-    """Changes whenever `PageAssets` may have."""
+    """Stamp of the assets; changes whenever `PageAssets` may have."""
 
 
 class BesideVehicle(TypedDict):
-    """What the page gets of each vehicle beside its view."""
+    """Additions to each vehicle's view on the page."""
 
     place_m: Place | None
     waypoint: int
-    """Of its route: the one that it flies to."""
+    """Waypoint of its route that it flies to."""
 
 
 class PageRoute(TypedDict):
@@ -56,7 +56,7 @@ class PageRoute(TypedDict):
     revision: int
     places_m: list[Place]
     inspect: list[bool]
-    """Of each waypoint: whether the way to it is an inspection."""
+    """Whether the leg to each waypoint is an inspection."""
     segments: list[int]
 
 
@@ -67,11 +67,11 @@ class PageVehicle(TypedDict):
     pad_m: Place
     route: PageRoute | None
     track_m: list[Place]
-    """Where it has flown so far."""
+    """Track flown so far."""
 
 
 class PageArea(TypedDict):
-    """What flights keep out of."""
+    """An area to avoid."""
 
     name: str
     limit: bool
@@ -80,19 +80,19 @@ class PageArea(TypedDict):
 
 
 class PageChart(TypedDict):
-    """`/chart`: what changes seldom."""
+    """`/chart`: data that seldom changes."""
 
     chart: list[int]
     window: Window | None
-    """The re-plan window of the first plan."""
+    """Re-plan window of the first plan."""
     pictures: bool
     """Whether segments are inspected by pictures."""
     assets: list[tuple[int, int]]
-    """Segments, and how many pictures each asks for."""
+    """Segments, and the number of pictures that each needs."""
     names: list[str]
-    """Of each segment."""
+    """Name of each segment."""
     left_out: list[int]
-    """Segments that are none of this flight."""
+    """Segments that are not part of this flight."""
     unreachable: list[int]
     """Segments in an area, or behind one."""
     areas: list[PageArea]
@@ -101,7 +101,7 @@ class PageChart(TypedDict):
 
 
 class PageAssets(TypedDict):
-    """`/assets`: all but open ones without a picture."""
+    """`/assets`: all assets except open ones without a picture."""
 
     assets: int
     rows: list[AssetRow]
@@ -109,17 +109,17 @@ class PageAssets(TypedDict):
 
 Describe = Callable[[Context, FleetState, float], FleetView]
 Now = Callable[[], tuple[FleetState, float]]
-"""The newest state, and the time on the flight's clock; asked from another thread."""
+"""Return the newest state, and the flight time; called from another thread."""
 
 STEP_M = 3.0
-"""A track's next point is this far from the last one."""
+"""Distance between two points of a track."""
 MOST_POINTS = 1500
-"""Of one track; when there are more, every second one is dropped."""
+"""Most points of a track; beyond, every second one is dropped."""
 
 
 @dataclass(slots=True)
 class _Track:
-    """Where a vehicle was, thinned."""
+    """A vehicle's track, thinned."""
 
     step_m: float = STEP_M
     places: list[Place] = field(default_factory=list)
@@ -135,35 +135,35 @@ class _Track:
 
 @dataclass(eq=False, repr=False)
 class WebSnapshot:
-    """Reads the flight for everybody who looks; used by one thread."""
+    """Encode the flight for all browsers; used by one thread."""
 
     _context: Context
-    """The flight's."""
+    """Context of the flight."""
     _now: Now
     """Returns its newest state."""
     _speedup: float = 1.0
-    """Seconds of the flight in a real one."""
+    """Speed-up: flight seconds per real second."""
     describe: Describe = build_fleet_view
-    """Makes the description that is sent; tests show what a flight seldom comes to."""
+    """Builds the description that is sent; tests replace it to show rare states."""
     _window: Window | None = None
-    """The re-plan window of the first plan."""
+    """Re-plan window of the first plan."""
     _tracks: dict[str, _Track] = field(init=False)
     _asked: Mapping[int, Mapping[str, int]] = field(init=False)
     _covered: tuple[Coverage, int] | None = None
     _assets_changed: int = 0
 
     def __post_init__(self) -> None:
-        """Look at a flight."""
+        """Start reading a flight."""
         self._tracks = {name: _Track() for name in self._context.vehicles}
         self._asked = list_asked_pictures(self._context)
 
     def encode_clock(self) -> bytes:
-        """Return the time on the flight's clock alone, as JSON: a browser holds it against what it shows."""
+        """Return the flight time alone, as JSON; a browser compares it with its displayed state."""
         _, now_s = self._now()
         return json.dumps({"now_s": round(now_s, 2)}).encode()
 
     def encode_state(self) -> bytes:
-        """Return the present as JSON, and remember where everybody is."""
+        """Return the current state as JSON, and extend the tracks."""
         state, now_s = self._now()
         content = asdict(self.describe(self._context, state, now_s))
         for shown in content["vehicles"]:
@@ -183,7 +183,7 @@ class WebSnapshot:
         return _encode_json(content)
 
     def encode_map(self) -> bytes:
-        """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
+        """Return the network, the pads, the routes on board and the tracks flown so far, as JSON."""
         state, _ = self._now()
         setup = place_vehicles(self._context, state.vehicles.values()).setup
         pads = {name: setup.landing_pad_of(name) for name in self._context.vehicles}
@@ -212,10 +212,10 @@ class WebSnapshot:
         )
 
     def encode_assets(self) -> bytes:
-        """Return what became of each asset, as JSON: rows of segment, state, pictures and vehicle.
+        """Return the state of each asset as JSON: rows of segment, state, pictures and vehicle.
 
-        A network has thousands: an asset that is open and has no picture is left out, and browsers ask for this when
-        they show it and its stamp in the state is another one.
+        A network has thousands: open assets without a picture are left out, and browsers request this when they display
+        assets and the stamp in the state has changed.
         """
         state, _ = self._now()
         rows = [
@@ -226,7 +226,7 @@ class WebSnapshot:
         return _encode_json(PageAssets(assets=self._update_assets_stamp(state), rows=rows))
 
     def _update_assets_stamp(self, state: FleetState) -> int:
-        """Return a number that changes whenever anything that `assets` says may have."""
+        """Return a number that changes whenever the content of `assets` may have."""
         if (
             self._covered is None
             or self._covered[0] is not state.coverage
@@ -238,13 +238,13 @@ class WebSnapshot:
 
 
 def _encode_json(content: Mapping[str, object]) -> bytes:
-    """Return JSON; a number that is none is unknown to a browser, and must not keep it from all that is known."""
+    """Return JSON; non-finite numbers become null, so that a browser can still read the rest."""
     plain = {key: asdict(value) if isinstance(value, Window) else value for key, value in content.items()}
     return json_text(plain, (",", ":")).encode()
 
 
 def _compute_route_stamp(state: FleetState) -> list[int]:
-    """Return what changes whenever a route does."""
+    """Return a stamp that changes whenever a route does."""
     return [-1 if one.assignment.board is None else one.assignment.board.revision for one in state.vehicles.values()]
 
 
@@ -261,7 +261,7 @@ def _build_route(state: FleetState, name: str) -> PageRoute | None:
 
 
 def list_page_areas(areas: Iterable[Area]) -> list[PageArea]:
-    """Return areas as maps in browsers show them."""
+    """Return areas as browsers' maps show them."""
     return [
         PageArea(
             name=area.name,
@@ -273,5 +273,5 @@ def list_page_areas(areas: Iterable[Area]) -> list[PageArea]:
 
 
 def round_place(place: Sequence[float]) -> Place:
-    """Return a place to a decimetre."""
+    """Return a position rounded to a decimetre."""
     return round(place[0], 1), round(place[1], 1)
