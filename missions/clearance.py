@@ -78,7 +78,7 @@ class PowerLines:
         return self.select(np.flatnonzero(~apart.any(axis=1)))
 
     def select_nearest(self, places_m: FloatArray) -> PowerLines:
-        """Return the walls nearest to any of (m, 2) places, and few others."""
+        """Return the walls that include the nearest one to each of (m, 2) places, and few others."""
         middle_m = places_m.mean(axis=0)
         around_m = float(np.hypot(*(places_m - middle_m).T).max())
         away_m = self.find_nearest(middle_m[np.newaxis])[0][0]

@@ -10,10 +10,10 @@ price in each. The same model gives the duration of a whole flight, leg by leg.
 
 A leg is flown along a straight line, from rest or passing from the leg before it. Autopilots build up speed with a
 bounded acceleration ``a``, the acceleration with a bounded jerk ``j``, and ArduPilot the jerk over a time ``s``. The
-ramp from rest to a speed ``v`` takes ``v / a + s + a / j`` where the acceleration is reached, and else ``2 (s + p /
-j)`` with the peak ``p = j / 2 (sqrt(s^2 + 4 v / j) - s)`` of the acceleration; it covers half of ``v`` times that. A
-leg of length ``d`` from rest to rest takes ``d / v`` and one ramp (ArduPilot: SCurve.cpp; flights of both autopilots in
-simulation match it, see docs/results).
+ramp from rest to a speed ``v`` takes ``v / a + s + a / j`` where the acceleration is reached, and else
+``2 (s + p / j)`` with the peak ``p = j / 2 (sqrt(s^2 + 4 v / j) - s)`` of the acceleration; it covers half of ``v``
+times that. A leg of length ``d`` from rest to rest takes ``d / v`` and one ramp (ArduPilot: SCurve.cpp; flights of both
+autopilots in simulation match it, see docs/results).
 """
 
 from __future__ import annotations
@@ -316,7 +316,7 @@ def find_vertical_legs(
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """Where a vehicle takes off and lands."""
+    """Take-off and landing place of a vehicle."""
 
     place_m: Place
     """Place above its pad where its climb ends and its landing begins."""

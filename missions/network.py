@@ -58,7 +58,7 @@ class Network:
     source: str = "network"
     """Source, for messages."""
     flat: bool = False
-    """Whether the ground is taken as level with the depot, by the file format or by assertion."""
+    """Whether the ground is assumed level with the depot, by the file format or by assertion."""
     positions_m: FloatArray = field(init=False, repr=False, compare=False)
     """(p, 2) float64: east and north of every pylon."""
     ends_m: FloatArray = field(init=False, repr=False, compare=False)

@@ -30,7 +30,7 @@ UNKNOWN_GROUND = "beyond the ground that the rasters know"
 SHORTEST_M = 0.01
 """Distance below which corners are merged."""
 LOOKED_UP_TO = 3000
-"""Most corners for which self-intersection is checked; nobody draws more by hand."""
+"""Most corners for which self-intersection is checked; outlines drawn by hand have fewer."""
 
 
 class AreaKind(Enum):

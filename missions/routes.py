@@ -1,8 +1,8 @@
 """Convert a planned route to the waypoints that the vehicle flies.
 
-The first waypoints of a path never depend on later ones: every inspection starts and ends with a hold, whatever
-follows. A re-plan in flight relies on this: it uploads a list with the same beginning, so that the autopilot's current
-index stays valid.
+The first waypoints of a path never depend on later ones: every inspection starts and ends with a hold, regardless of
+what follows. A re-plan in flight relies on this: it uploads a list with the same beginning, so that the autopilot's
+current index stays valid.
 """
 
 from __future__ import annotations

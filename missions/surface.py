@@ -153,10 +153,10 @@ def build_flat_surface(height_m: float) -> Surface:
 def fit_surface(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> SurfaceFit:
     """Return the surface through straight tracks that needs the smallest layer spacing.
 
-    Two vehicles on neighbouring layers at horizontal distance ``d`` are apart in height by the spacing, minus ``slope *
-    d`` for the surface, minus each vehicle's own height error. For all ``d`` up to ``layer_m`` this leaves ``layer_m``
-    between them if the spacing is ``layer_m * sqrt(1 + slope^2)`` plus twice a leg's greatest height error, which
-    includes ``slope * CHECK_STEP_M`` for places between two checked points.
+    Two vehicles on neighbouring layers at horizontal distance ``d`` are apart in height by the spacing, minus
+    ``slope * d`` for the surface, minus each vehicle's own height error. For all ``d`` up to ``layer_m`` this leaves
+    ``layer_m`` between them if the spacing is ``layer_m * sqrt(1 + slope^2)`` plus twice a leg's greatest height error,
+    which includes ``slope * CHECK_STEP_M`` for places between two checked points.
 
     Args:
         tracks_m: (n, 2, 2) float64, east and north of both ends of every inspection leg.

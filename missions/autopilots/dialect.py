@@ -66,7 +66,7 @@ class Modes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReturnParameters:
-    """How the RTL height is set."""
+    """Parameters that set the RTL height."""
 
     height: str
     """Parameter: least RTL height above home."""
@@ -384,7 +384,7 @@ def is_home_mode(dialect: Dialect, custom_mode: int | None) -> bool:
 
 
 def is_manual_mode(dialect: Dialect, custom_mode: int | None) -> bool:
-    """Return whether a pilot must fly it: a mode never entered without stick input."""
+    """Return whether it needs a pilot: neither we, a mission nor a failsafe enters it for hands-off flight."""
     return custom_mode in dialect.modes.manual
 
 

@@ -61,7 +61,7 @@ class Node:
     drawn: bool = True
     """Whether it is a pole in the file."""
     hinted: Mapping[str, str] = field(default_factory=dict)
-    """As in its pole."""
+    """Hinted heights, as in `Pole`."""
 
     @property
     def title(self) -> str:
@@ -359,7 +359,7 @@ def _find_nodes_beside(chains: Sequence[_Chain], nodes: Nodes) -> dict[tuple[int
 
 
 def _remove_straight_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
-    """Of the positions without a pole, keep only those where a line ends, bends or meets another."""
+    """Keep positions without a pole only where a line ends, bends or meets another."""
     uses = Counter(index for chain in chains for index in set(chain.nodes))
     known_m = np.array([node.at_m for node in nodes.nodes if node.drawn], dtype=np.float64)
     names = [node.name for node in nodes.nodes if node.drawn]

@@ -28,7 +28,7 @@ REASONS = 6
 NAMED = 3
 """Most left-out features that are named."""
 _PLURAL = re.compile(r"(?= of )|$")
-"""Where the plural s is inserted: 'lines of a substation'."""
+"""Position of the plural s: 'lines of a substation'."""
 DEGREE_M = 110_500.0
 """Least length of a degree of latitude."""
 OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
@@ -355,7 +355,7 @@ class ReadOptions:
     depot: LocalFrame | None = None
     """The caller's depot, if known."""
     anywhere: bool = False
-    """Whether it may be missing."""
+    """Whether the depot may be missing."""
     seen: set[str] = field(default_factory=set)
     passed: int = 0
     looked: int = 0
