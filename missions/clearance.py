@@ -102,7 +102,7 @@ class PowerLines:
 
 @dataclass(frozen=True, slots=True)
 class ClearanceShortfall:
-    """A place that is too low, the shortfall, and what is below."""
+    """A place that is too low, with its shortfall and the obstacle below."""
 
     short_m: float
     words: str

@@ -38,7 +38,7 @@ def find_mission_differences(
 
 
 def count_common_items(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect) -> int:
-    """Return how many leading items two missions have in common, compared as in `differences`."""
+    """Return how many leading items two missions have in common, compared as in `find_mission_differences`."""
     count = 0
     for ours, theirs in zip(sent, read_back, strict=False):
         if any(True for _ in _find_item_differences(ours, theirs, dialect)):

@@ -37,7 +37,7 @@ def build_flight_path(
         vehicle: Its name.
         visits: Planner visits over the setup's network, ``2 * segment + reversed``; if empty the vehicle stays on the
             ground and the path has no waypoints.
-        low: Segments that it inspects at the requested height, below its own layer; see `asked.lowered`.
+        low: Segments that it inspects at the requested height, below its own layer; see `select_low_segments`.
 
     Raises:
         SafetyError: the fleet has no such vehicle.

@@ -46,7 +46,7 @@ class FlightSetup:
     areas: tuple[Area, ...] = ()
     """Areas that flights avoid, or stay low in."""
     kept_out: tuple[AreaRestriction, ...] = ()
-    """Those areas that at least one vehicle must lead around, see `reach.apply_areas`."""
+    """Those areas that at least one vehicle must lead around, see `area_rules.apply_areas`."""
     unreachable: tuple[Unreachable, ...] = ()
     """Segments that no flight can inspect because of the areas."""
     alternates: tuple[str, ...] = ()
@@ -208,7 +208,7 @@ def plan_flight_setup(
         inspection: Heights, speeds and distances.
         pads: Actual pads, once known; otherwise they are placed around the depot and the bases.
         stated: Fixed pads of some vehicles.
-        areas: Areas without pads; `reach.apply_areas` keeps flights out of them.
+        areas: Areas without pads; `area_rules.apply_areas` keeps flights out of them.
         terrain: The ground, where covered by a raster; all pylon heights must then be known.
         bases: By vehicle name: the base of each vehicle that does not stand at the depot.
 
@@ -245,7 +245,7 @@ def plan_flight_setup(
 
 
 def put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
-    """Return pads at the raster's ground height, which known_ground has checked to be known there."""
+    """Return pads at the raster's ground height, which build_known_ground has checked."""
     ground_m = terrain.elevation.interpolate_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
     return tuple(replace(pad, alt_m=alt_m) for pad, alt_m in zip(pads, ground_m, strict=True))
 

@@ -2,8 +2,8 @@
 
 It therefore has its own time, energy and place in a route's order. Viewpoints lie on the common surface over the lines,
 so that vehicle separation and line clearance apply as for spans; or below it, where a vehicle descends from its layer
-as `asked` allows. No vehicle is below the tops within ``BESIDE_M`` of a line there: a path between two viewpoints that
-would be leads up to the surface, over the line and down again.
+as `inspection_height` allows. No vehicle is below the tops within ``BESIDE_M`` of a line there: a path between two
+viewpoints that would be leads up to the surface, over the line and down again.
 """
 
 from __future__ import annotations

@@ -168,7 +168,7 @@ def build_route_line(
         path: Its path.
         name: Display name.
         facts: Further properties.
-        reference: Reference of its heights, to override `reference_of`.
+        reference: Reference of its heights, to override `choose_height_reference`.
     """
     pad, reference = setup.pad_of(path.vehicle), reference or choose_height_reference(setup)
     base_m = pad.alt_m if reference is Reference.SEA else 0.0

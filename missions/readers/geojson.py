@@ -6,12 +6,12 @@
 - A LineString or MultiLineString is a line, named by its ``name``, ``ref`` or ``id``; it is split into spans at pylons.
 - A feature of any other or no geometry with properties ``a`` and ``b`` is one segment between two pylons by their ids;
   so is a LineString with both. ``line`` names its line.
-- Polygons are left out, and so are features that are neither pole nor line by their attributes (`meaning`).
+- Polygons are left out, and so are features that are neither pole nor line by their attributes (see `attributes`).
 - ``flat_ground: true`` next to ``features`` states that the ground is level with the depot.
 
 By the RFC a third coordinate is metres above the ellipsoid, tens of metres off mean sea level, and no file states
-whether it is that of ground, wire or top: it is kept with the pylon and never flown by. ``heights`` refuses a file that
-has only this, and one whose ``elevation_m`` contradicts it.
+whether it is that of ground, wire or top: it is kept with the pylon and never flown by. ``line_heights`` refuses a file
+that has only this, and one whose ``elevation_m`` contradicts it.
 """
 
 from __future__ import annotations
