@@ -1,5 +1,5 @@
 # Part of faultline.
-"""The power line, the flights over it, and mission items as data: everything between a plan and a MAVLink message.
+"""Model the power line, the flights over it, and mission items as data: all steps between a plan and a MAVLink message.
 
 >>> network = read_network(default_network_path(), radius_m=700)
 >>> setup = plan_flight_setup(network, ["uav1", "uav2"], Inspection())

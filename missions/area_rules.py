@@ -1,10 +1,10 @@
-"""What the areas of a site mean for a fleet: who keeps out of which, what nobody can reach, and the check of flights.
+"""Apply a site's areas to a fleet: restricted vehicles, unreachable segments, and the check of flights.
 
-A segment goes to the best vehicle, and to any survivor in a re-plan. One that not every vehicle may fly is therefore
-left out for all of them, and so is one in an area with a height limit that some vehicle's layer is above.
+A segment goes to the best vehicle, and to any survivor in a re-plan. A segment that not every vehicle may fly is
+therefore excluded for all of them, and so is one in an area with a height limit below some vehicle's layer.
 
-The check that flights keep out has nothing to do with how their ways were found. Legs are looked at every ``STEP_M``:
-how far each place is from every outline, and whether the outline winds around it.
+The check that flights stay out is independent of how their paths were computed. Legs are sampled every ``STEP_M``: the
+distance of each place from every outline, and whether the outline winds around it.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ EDGE_M = 1.0
 
 
 def apply_areas(setup: FlightSetup, areas: Sequence[Area], alternates: Sequence[str] = ()) -> FlightSetup:
-    """Return a setup whose flights keep out of areas, and know what they cannot reach for it.
+    """Return a setup whose flights keep out of areas, with the segments that become unreachable.
 
     Raises:
-        SafetyError: the depot or a pad is in an area, or no way leads from one to the other.
+        SafetyError: the depot or a pad is in an area, or no path leads from one to the other.
     """
     kept_out = tuple(_build_restrictions(setup, areas))
     for one in kept_out:
@@ -79,10 +79,10 @@ def _build_restrictions(setup: FlightSetup, areas: Sequence[Area]) -> Iterator[A
 
 
 def _restrict_unknown_ground(setup: FlightSetup, kept_out: Sequence[AreaRestriction]) -> Iterator[AreaRestriction]:
-    """Yield what lies beyond the ground that is known, if a way around an area would lead there.
+    """Yield the border of the known ground, if a path around an area would cross it.
 
-    All ways are straight between the lines, the pads and the nodes around areas. As long as these lie where the ground
-    is known, which is convex, so does everything that is flown.
+    All paths are straight between the lines, the pads and the nodes around areas. While these lie in the area of known
+    ground, which is convex, so does everything that is flown.
     """
     if setup.layers.known is None:
         return
@@ -100,7 +100,7 @@ def _restrict_unknown_ground(setup: FlightSetup, kept_out: Sequence[AreaRestrict
 
 
 def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
-    """Return how far the lowest layer is above the limit, negative where it is below; None if nobody comes near."""
+    """Return the lowest layer's excess over the limit, negative where it is below; None if no flight comes near."""
     places_m = _sample_area(setup, area)
     if not len(places_m):
         return None
@@ -109,7 +109,7 @@ def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
 
 
 def _excess_over_limit_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
-    """Return (m,) how far (m, 3) places are above the limit of an area that they are in; negative: below."""
+    """Return (m,) excess of (m, 3) places over the limit of the area that contains them; negative: below."""
     over_m = np.full(len(places_m), -math.inf)
     if area.max_agl_m is not None:
         over_m = np.maximum(over_m, measure_over_ground(setup, places_m)[0] - area.max_agl_m)
@@ -119,7 +119,7 @@ def _excess_over_limit_m(setup: FlightSetup, area: Area, places_m: FloatArray) -
 
 
 def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
-    """Return (m, 2) places in an area and its margin, as far as flights may come there."""
+    """Return (m, 2) places in an area and its margin, as far as flights may reach."""
     known = np.concatenate((setup.tracks_m.reshape(-1, 2), [(pad.east_m, pad.north_m) for pad in setup.pads]))
     corners = area.edges_m().reshape(-1, 2)
     low = np.maximum(known.min(axis=0) - BEYOND_M, corners.min(axis=0) - area.keep_m)
@@ -135,7 +135,7 @@ def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
 
 
 def describe_height_limit(one: AreaRestriction) -> str:
-    """Return how high somebody would be in an area with a height limit; nothing for another."""
+    """Return how high a vehicle would be in an area with a height limit; empty for other areas."""
     if one.highest_m is None:
         return ""
     reference, limit_m = "over the ground", one.area.max_agl_m
@@ -164,15 +164,15 @@ def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
 
 
 def _build_bare_graph(area: Area, least_m: float) -> VisibilityGraph:
-    """Return the graph of ways around an area itself, without its margin."""
+    """Return the graph of paths around an area itself, without its margin."""
     return build_visibility_graph((replace(build_obstacle(area), keep_m=max(least_m, area.width_m / 2)),))
 
 
 def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> BoolArray:
-    """Return (n,) which (n, 2) places no way leads to from the pads.
+    """Return (n,) whether no path leads from the pads to (n, 2) places.
 
     Raises:
-        SafetyError: no way leads from one pad to another.
+        SafetyError: no path leads from one pad to another.
     """
     pads_m = np.array([(pad.east_m, pad.north_m) for pad in setup.pads])
     for number in np.flatnonzero(areas.is_cut_off(pads_m[0], pads_m)).tolist():
@@ -183,18 +183,18 @@ def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArr
 
 @dataclass(frozen=True, slots=True)
 class ReturnCrossing:
-    """That a vehicle's own straight way home leads through an area, from some of its legs."""
+    """A vehicle's straight RTL that crosses an area, from some of its legs."""
 
     vehicle: str
     area: str
     segments: tuple[int, ...]
-    """Segment ids in order of flight; a transit counts for the segment that it leads to."""
+    """Segment ids in order of flight; a transit counts for its destination segment."""
     on_way_home: bool
-    """Whether the return violates the area as well."""
+    """Whether the return leg also violates the area."""
 
 
 def check_areas(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
-    """Return in words which flights come into an area, or nearer to it than they should; empty if none do.
+    """Return messages on flights inside an area or too near to it; empty if there are none.
 
     Args:
         setup: Areas, heights and pads.
@@ -227,26 +227,26 @@ def check_areas(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
 def find_return_crossings(
     setup: FlightSetup, paths: Iterable[FlightPath], routes: Mapping[str, Sequence[int]]
 ) -> tuple[ReturnCrossing, ...]:
-    """Return where the straight way home that an autopilot flies by itself would lead through an area.
+    """Return where the autopilot's straight RTL would cross an area.
 
-    The areas themselves count, without their margins; those with a height limit where the way home is above it.
+    Areas count without their margins; those with a height limit only where the RTL is above it.
 
     Args:
         setup: Areas, heights and pads.
         paths: Flights.
-        routes: Each vehicle's visits, by its name.
+        routes: Visits by vehicle name.
     """
     return tuple(crossing for path in paths for crossing in _find_path_crossings(setup, path, routes[path.vehicle]))
 
 
 def find_areas_on_return(setup: FlightSetup, vehicle: str, place_m: tuple[float, float]) -> tuple[str, ...]:
-    """Return the names of the areas that a straight way home from a place leads through."""
+    """Return the names of the areas that a straight RTL from a place crosses."""
     start_m = np.array([place_m])
     return tuple(dict.fromkeys(area.name for area in setup.areas if _is_crossing(setup, vehicle, area, start_m)[0]))
 
 
 def describe_crossing(setup: FlightSetup, one: ReturnCrossing) -> str:
-    """Return that an own return leads through an area: "its own RTL from segments A, B crosses area 'airfield'"."""
+    """Return a description of an RTL through an area: "its own RTL from segments A, B crosses area 'airfield'"."""
     shown = [setup.network.segment_name(segment) for segment in one.segments[:6]]
     more = f" and {len(one.segments) - 6} more" if len(one.segments) > 6 else ""
     where = f"from {', '.join(shown)}{more}" if shown else ""
@@ -273,7 +273,7 @@ def _find_path_crossings(setup: FlightSetup, path: FlightPath, visits: Sequence[
 
 
 def _is_crossing(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatArray) -> np.ndarray:
-    """Return (n,) whether the straight ways home from (n, 2) places lead through an area, too high where it matters."""
+    """Return (n,) whether the straight RTL from (n, 2) places crosses an area, above its height limit if it has one."""
     met = np.zeros(len(places_m), dtype=np.bool_)
     for pad in setup.list_pads_of(vehicle):
         met |= _is_crossing_to(setup, pad, area, places_m)
@@ -294,9 +294,9 @@ def _is_crossing_to(setup: FlightSetup, pad: Pad, area: Area, places_m: FloatArr
 
 
 def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
-    """Return (m,) how much nearer (m, 3) places are than they should be, or how much too high; negative: they are not.
+    """Return (m,) how much too near, or too high, (m, 3) places are; negative: they are clear.
 
-    Of an area itself, not its margin, it is at least the whole margin.
+    Inside the area itself, not its margin, it is at least the whole margin.
     """
     edges = area.edges_m()
     far = np.full(len(places_m), -math.inf)
@@ -315,7 +315,7 @@ def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatA
 
 
 def _is_enclosed(area: Area, places_m: FloatArray) -> np.ndarray:
-    """Return (m,) whether the outlines wind around (m, 2) places: once around the outer one, and around no hole."""
+    """Return (m,) whether outlines wind around (m, 2) places: once around the outer one, and around no hole."""
     turns = np.zeros((len(area.rings_m), len(places_m)))
     for number, ring in enumerate(area.rings_m):
         off = np.array(ring) - places_m[:, np.newaxis]

@@ -1,7 +1,7 @@
-"""What is to be seen, and with what: cameras, what each asset asks for, and what that means along a leg.
+"""Define cameras, the camera tasks of each asset, and the camera actions along a leg.
 
-Along a span a camera takes a picture every so many metres, triggered by the autopilot or by the camera's own clock, or
-films. What a leg asks of a camera stands at its waypoint, so that it is a part of the mission like everything else.
+Along a span a camera takes a picture at a fixed distance, triggered by the autopilot or by the camera's own timer, or
+records video. The camera actions of a leg are stored in its waypoint, and so are part of the mission.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ONE_STOP_M = 1.0
 
 
 class Trigger(Enum):
-    """Who decides when a picture is taken."""
+    """What triggers a picture."""
 
     DISTANCE = "distance"
     """By the autopilot at a distance (DO_SET_CAM_TRIGG_DIST)."""
@@ -35,7 +35,7 @@ class Trigger(Enum):
 
 
 class PictureProof(Enum):
-    """Which message says that a picture was taken."""
+    """Message that confirms a picture."""
 
     CAPTURED = "captured"
     """CAMERA_IMAGE_CAPTURED of a MAVLink camera."""
@@ -69,7 +69,7 @@ class Camera:
     """Whether it has a gimbal that missions point."""
 
     def footprint_m(self, distance_m: float) -> tuple[float, float]:
-        """Return how much of the line a picture shows across the flight and along it, from a distance.
+        """Return the footprint of a picture at a distance: across the flight direction and along it.
 
         Raises:
             SafetyError: its focal length or sensor is not known.
@@ -80,7 +80,7 @@ class Camera:
         return across, along
 
     def ground_sample_m(self, distance_m: float) -> float:
-        """Return what one pixel shows, from a distance.
+        """Return the ground sample distance: the size of one pixel at a distance.
 
         Raises:
             SafetyError: its focal length, sensor or pixels are not known.
@@ -92,7 +92,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class SpanCameraTask:
-    """What a span asks of one camera."""
+    """Task of one camera along a span."""
 
     camera: str
     trigger: Trigger
@@ -106,12 +106,12 @@ class SpanCameraTask:
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """From where a pylon is looked at."""
+    """A place from which a pylon is viewed."""
 
     place_m: tuple[float, float]
     """East and north of the depot."""
     yaw_deg: int
-    """Towards the pylon, from north, -180 to 180."""
+    """Heading to the pylon, from north, -180 to 180."""
     below_m: float = 0.0
     """Depth below the common surface of all flights."""
     crosses: bool = False
@@ -130,7 +130,7 @@ class PylonStop:
 
 @dataclass(frozen=True, slots=True)
 class PylonCameraTask:
-    """What a pylon asks of one camera."""
+    """Task of one camera at a pylon."""
 
     camera: str
     points: tuple[Viewpoint, ...]
@@ -146,23 +146,23 @@ class PylonCameraTask:
 
     @property
     def deepest_m(self) -> float:
-        """How far its lowest viewpoint lies below the common surface."""
+        """Depth of its lowest viewpoint below the common surface."""
         return max(point.below_m for point in self.points)
 
     def list_stops(self, *, reverse: bool, low: bool) -> list[PylonStop]:
-        """Return the stops of its flight, from the first viewpoint to the last, or the other way.
+        """Return the stops of its flight, from the first viewpoint to the last, or reversed.
 
         Args:
-            reverse: The other way.
-            low: Whether it comes down to viewpoints below the common surface; from its layer those above each other
-                are one place, and one picture.
+            reverse: Whether to reverse the order.
+            low: Whether the vehicle descends to viewpoints below the common surface; from its layer those above each
+                other are one place, and one picture.
         """
         found: list[PylonStop] = []
         for number, point in enumerate(self.points):
             stop = PylonStop(point.place_m, point.below_m if low else 0.0, (number,))
             before = found[-1] if found and found[-1].points and found[-1].place_m == stop.place_m else None
             if before is not None and abs(before.below_m - stop.below_m) < ONE_STOP_M:
-                found.pop()  # both are one, at the higher of their places
+                found.pop()  # both are merged, at the higher of their places
                 stop = PylonStop(stop.place_m, min(before.below_m, stop.below_m), (*before.points, *stop.points))
             found.append(stop)
             if low and point.crosses:
@@ -171,7 +171,7 @@ class PylonCameraTask:
         return found[::-1] if reverse else found
 
     def pitch_from_deg(self, place_m: tuple[float, float], up_m: float) -> int:
-        """Return the whole degrees by which it is looked at from a place at a height over the depot's ground."""
+        """Return the pitch in whole degrees to the target from a place at a height over the depot's ground."""
         if self.pitch_deg is not None:
             return round(self.pitch_deg)
         return round(math.degrees(math.atan2(self.target_m[2] - up_m, math.dist(self.target_m[:2], place_m))))
@@ -184,12 +184,12 @@ class Region:
     lat_deg: float
     lon_deg: float
     alt_rel_m: float
-    """Above the vehicle's own home."""
+    """Height above the vehicle's own home."""
 
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """What one camera does along a leg."""
+    """Action of one camera along a leg."""
 
     camera: str
     camera_id: int
@@ -209,13 +209,13 @@ class Capture:
 
     @property
     def is_filming(self) -> bool:
-        """Whether it films."""
+        """Whether it records video."""
         return self.trigger is Trigger.VIDEO
 
 
 @dataclass(frozen=True, slots=True)
 class CameraTasks:
-    """What every segment asks for, and who can give it."""
+    """Camera tasks of all segments, and the vehicles' cameras."""
 
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     carriers: Mapping[str, frozenset[str]] = field(default_factory=dict)
@@ -229,24 +229,24 @@ class CameraTasks:
         return bool(self.spans or self.pylons)
 
     def cameras_for(self, segment: int) -> frozenset[str]:
-        """Return the cameras that a segment asks for."""
+        """Return the cameras that a segment requires."""
         pylon = self.pylons.get(segment)
         own = frozenset(look.camera for look in self.spans.get(segment, ()))
         return own if pylon is None else own | {pylon.camera}
 
     def find_barred_segments(self, vehicle: str, broken: Iterable[str] = ()) -> frozenset[int]:
-        """Return the segments that a vehicle cannot be given: it lacks a camera that they ask for.
+        """Return the segments that a vehicle cannot be assigned because it lacks a required camera.
 
         Args:
             vehicle: Its name.
-            broken: Cameras of it that do not work any more.
+            broken: Its cameras that have failed.
         """
         own = self.carriers.get(vehicle, frozenset()) - set(broken)
         return frozenset(segment for segment in (*self.spans, *self.pylons) if not self.cameras_for(segment) <= own)
 
     @property
     def deepest_m(self) -> float:
-        """How far the lowest viewpoint of all lies below the common surface."""
+        """Depth of the lowest of all viewpoints below the common surface."""
         return max((look.deepest_m for look in self.pylons.values()), default=0.0)
 
 
@@ -254,7 +254,7 @@ NO_LOOKS = CameraTasks()
 
 
 def choose_picture_proof(camera: Camera, autopilot: str) -> PictureProof:
-    """Return which message proves a camera's pictures on a vehicle."""
+    """Return the message that confirms a camera's pictures on a vehicle."""
     if camera.id >= FIRST_COMPONENT:
         return PictureProof.CAPTURED
     return PictureProof.FEEDBACK if autopilot == "ardupilot" else PictureProof.TRIGGER

@@ -1,13 +1,13 @@
-"""How high the flights of a fleet are over everything that is known: over the ground, and over every line.
+"""Measure the heights of a fleet's flights over the ground and over every line.
 
-A line is taken to be a wall: from the ground up to the straight line between the tops of its two pylons, under which
-the wires sag. Nothing comes nearer to it than ``BESIDE_M`` over the ground, or it is well above: the inspection height
-over the tops, less a third for what the common surface gives way between lines of different heights.
+A line is modelled as a wall: from the ground up to the straight line between the tops of its two pylons, under which
+the wires sag. No leg comes within ``BESIDE_M`` horizontally, or it is well above: the inspection height over the tops,
+minus a third to allow for the common surface between lines of different heights.
 
-Legs and surface are held against it every ``STEP_M``, which has nothing to do with how they were found.
+Legs and surface are checked every ``STEP_M``, independently of how they were computed.
 
-Where a raster knows the ground, every leg is also held against the highest of the cells around each of its places, and
-so is the level way home from everywhere on it.
+Where a raster covers the ground, every leg is also checked against the highest of the cells around each of its places,
+and so is the level RTL from everywhere on it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BESIDE_M = 10.0
 """Horizontal distance to a line within which no vehicle flies below its tops: half of a wide cross-arm, plus GPS
 error."""
 NEAR_M = 50.0
-"""Distance to a line within which the ground is taken from its nearest point."""
+"""Distance to a line within which the ground height is that of its nearest point."""
 MARGIN_SHARE = 2.0 / 3.0
 """Least height of a leg above a line's tops, as a share of the inspection height."""
 GROUND, TOP = 2, 3
@@ -49,12 +49,12 @@ ROUNDING_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class HeightOverGround:
-    """How high something is over the ground, and where."""
+    """A height over the ground, and its place."""
 
     height_m: float
     vehicle: str
     near: str
-    """The name of the nearest segment."""
+    """Name of the nearest segment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,41 +68,41 @@ class PowerLines:
     """(n,): segment ids."""
 
     def name_of(self, index: int) -> str:
-        """Return what people call a wall."""
+        """Return the display name of a wall."""
         return self.network.segment_name(int(self.segments[index]))
 
     def select_near(self, low_m: FloatArray, high_m: FloatArray) -> PowerLines:
-        """Return those that come near to the box between two (2,) corners."""
+        """Return the walls near the box between two (2,) corners."""
         ends_m = self.ends_m[..., :2]
         apart = (ends_m.max(axis=1) < low_m - NEAR_M) | (ends_m.min(axis=1) > high_m + NEAR_M)
         return self.select(np.flatnonzero(~apart.any(axis=1)))
 
     def select_nearest(self, places_m: FloatArray) -> PowerLines:
-        """Return those of which one is the nearest to a place, for each of (m, 2) places, and few others."""
+        """Return the walls that include the nearest one to each of (m, 2) places, and few others."""
         middle_m = places_m.mean(axis=0)
         around_m = float(np.hypot(*(places_m - middle_m).T).max())
         away_m = self.find_nearest(middle_m[np.newaxis])[0][0]
-        # No place is farther than this from the wall that is nearest to the middle, so its own is not either.
+        # No place is farther than this from the wall nearest to the middle, and so neither from its own nearest wall.
         return self.select(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
 
     def select(self, kept: IndexArray) -> PowerLines:
-        """Return some of them."""
+        """Return the walls of these indices."""
         return replace(self, ends_m=self.ends_m[kept], segments=self.segments[kept])
 
     def find_nearest(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (m, n) distances over the ground of (m, 2) places, and where on each wall that is, from 0 to 1."""
+        """Return (m, n) horizontal distances of (m, 2) places, and the nearest position on each wall, from 0 to 1."""
         begins_m, ends_m = self.ends_m[:, 0, :2], self.ends_m[:, 1, :2]
         return find_nearest_on_legs(places_m, begins_m, ends_m - begins_m)
 
     def interpolate_m(self, share: FloatArray, part: int) -> FloatArray:
-        """Return (m, n) heights of the ground, or of the tops, at shares of the way along the walls."""
+        """Return (m, n) heights of the ground, or of the tops, at shares of the length of the walls."""
         begins_m, ends_m = self.ends_m[:, 0, part], self.ends_m[:, 1, part]
         return np.asarray(begins_m + share * (ends_m - begins_m), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class ClearanceShortfall:
-    """A place that is too low: by how much, and over what."""
+    """A place that is too low, with its shortfall and the obstacle below."""
 
     short_m: float
     words: str
@@ -113,16 +113,16 @@ LOWER = "fewer vehicles, a smaller layer_m or less of the network make it lower;
 
 
 def margin_m(setup: FlightSetup) -> float:
-    """Return how high every leg must at least be over the top of a line that it crosses or follows."""
+    """Return the least height of every leg over the top of a line that it crosses or follows."""
     if setup.terrain is not None and setup.terrain.line_margin_m is not None:
         return setup.terrain.line_margin_m
     return MARGIN_SHARE * setup.inspection.height_m
 
 
 def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
-    """Return in words, a line for each path, where legs come too near to the ground or to a line; empty if none do.
+    """Return messages, one per path, on legs too near to the ground or to a line; empty if there are none.
 
-    Where neither ground nor tops are known, on a flat site, there is nothing to hold them against.
+    Where neither ground nor tops are known, on a flat site, there is nothing to check against.
 
     Args:
         setup: The network, heights and pads.
@@ -154,10 +154,10 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
 
 
 def check_network_clearance(setup: FlightSetup) -> list[str]:
-    """Return in words where any flight over the network, of whatever plan, could come too near to a line.
+    """Return messages on where any flight of any plan over the network could come too near to a line.
 
-    Held against the lines are the inspection legs of all segments and the surface that all other legs follow, in the
-    lowest layer: a re-plan has no other heights.
+    The inspection legs of all segments and the surface that all other legs follow are checked in the lowest layer; a
+    re-plan uses the same heights.
     """
     walls = lines_of(setup)
     if walls is None:
@@ -177,7 +177,7 @@ def check_network_clearance(setup: FlightSetup) -> list[str]:
 
 
 def min_height_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float | None:
-    """Return the least height of any leg over the top of a line within ``BESIDE_M`` of it; None without one."""
+    """Return the least height of any leg over the top of a line within ``BESIDE_M`` of it; None if there is none."""
     walls = lines_of(setup)
     if walls is None:
         return None
@@ -195,11 +195,10 @@ def min_height_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> f
 def find_height_extremes(
     setup: FlightSetup, paths: Iterable[FlightPath]
 ) -> tuple[HeightOverGround, HeightOverGround] | None:
-    """Return the least and the largest height of a fleet's flights over the ground; None if nobody flies.
+    """Return the least and the greatest height over the ground of a fleet's flights; None if there are none.
 
-    The ground is the raster's, else that of the nearest place of a line or of the nearest pad, or the depot's
-    everywhere on a flat site.
-    Take-off and landing count with the height that they end or begin at.
+    The ground is the raster's; else that of the nearest place of a line or of the nearest pad; on a flat site the
+    depot's. Take-off and landing count with the height at which they end or begin.
     """
     found: list[HeightOverGround] = []
     for path in paths:
@@ -216,8 +215,8 @@ def find_height_extremes(
 
 
 def find_max_return_height(setup: FlightSetup) -> HeightOverGround:
-    """Return the highest that a vehicle's own level return is over the lowest ground that is known."""
-    # Some autopilots take whole metres only, and a vehicle gets the next higher one.
+    """Return the greatest height of a vehicle's level RTL over the lowest known ground."""
+    # Some autopilots take whole metres only: round up.
     ups_m = {
         pad.vehicle: math.ceil(setup.return_height_m(pad.vehicle)) + setup.frame.up_m(pad.alt_m) for pad in setup.pads
     }
@@ -227,13 +226,13 @@ def find_max_return_height(setup: FlightSetup) -> HeightOverGround:
 
 
 def max_return_height_m(setup: FlightSetup, vehicle: str) -> float:
-    """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
+    """Return the highest RTL height over its own home at which a vehicle stays below the ceiling."""
     ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
     return ceiling_m + _find_lowest_ground(setup)[0] - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
 
 
 def _find_lowest_ground(setup: FlightSetup) -> tuple[float, str]:
-    """Return the height of the lowest ground that is known over the depot's, and the segment that is nearest to it."""
+    """Return the height of the lowest known ground over the depot's, and the nearest segment."""
     walls, known = lines_of(setup), setup.layers.known
     if walls is None:
         return 0.0, ""
@@ -245,7 +244,7 @@ def _find_lowest_ground(setup: FlightSetup) -> tuple[float, str]:
 
 
 def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
-    """Return in words which missions and which own returns go higher over the ground than ``ceiling_m``."""
+    """Return messages on missions and RTL flights higher over the ground than ``ceiling_m``."""
     found, own = check_mission_ceiling(setup, paths), find_max_return_height(setup)
     return_ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
     if own.height_m > return_ceiling_m:
@@ -258,7 +257,7 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
 
 
 def check_mission_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
-    """Return in words which mission goes highest over the ground, if that is above ``ceiling_m``."""
+    """Return a message on the mission highest over the ground, if that exceeds ``ceiling_m``."""
     ceiling_m, heights = setup.inspection.ceiling_m, find_height_extremes(setup, paths)
     if heights is None or heights[1].height_m <= ceiling_m:
         return []
@@ -271,7 +270,7 @@ def check_mission_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> li
 
 
 def find_terrain_shortfall(setup: FlightSetup, points: FloatArray) -> ClearanceShortfall | None:
-    """Return what is worst about (m, 3) places over ground that a raster knows; None if nothing is."""
+    """Return the worst shortfall of (m, 3) places over the raster's ground; None if there is none."""
     if setup.terrain is None or not len(points):
         return None
     kept_m, elevation = setup.terrain.kept_m, setup.terrain.elevation
@@ -291,7 +290,7 @@ def find_terrain_shortfall(setup: FlightSetup, points: FloatArray) -> ClearanceS
 
 
 def check_area(setup: FlightSetup) -> list[str]:
-    """Return in words where the surface that all other legs follow comes too near to ground that a raster knows."""
+    """Return messages on where the surface that all other legs follow comes too near to the raster's ground."""
     if setup.terrain is None or setup.layers.known is None:
         return []
     corners_m, layers = setup.layers.known.corners_m, setup.layers
@@ -307,7 +306,7 @@ def check_area(setup: FlightSetup) -> list[str]:
 
 
 def _find_return_shortfall(setup: FlightSetup, path: FlightPath) -> ClearanceShortfall | None:
-    """Return what is worst about a vehicle's own ways home, level, from the ends of its legs and between them."""
+    """Return the worst shortfall of a vehicle's level RTL from the ends of its legs and from places between them."""
     if setup.terrain is None or not path.waypoints:
         return None
     up_m, ways = setup.layers.return_up_m(path.vehicle), list[FloatArray]()
@@ -315,7 +314,7 @@ def _find_return_shortfall(setup: FlightSetup, path: FlightPath) -> ClearanceSho
     for pad in setup.list_pads_of(path.vehicle):
         home_m = np.array([pad.east_m, pad.north_m])
         away_m = np.hypot(*(all_m - home_m).T)
-        # Ways home from neighbouring places are nearly the same one: those of the places that are the farthest apart.
+        # RTL paths from neighbouring places are nearly the same: keep those of the places farthest apart.
         from_m = all_m[np.argsort(-away_m)][:: max(1, len(all_m) // RETURNS)]
         ways += [sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
     return find_terrain_shortfall(setup, np.concatenate(ways))
@@ -325,8 +324,8 @@ def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> Powe
     """Return the lines of a network; None where heights are not known.
 
     Args:
-        setup: Which has the network.
-        without: Segments that are no lines; if not given its pylons with viewpoints.
+        setup: Setup with the network.
+        without: Segments that are no lines; default: the network's pylons with viewpoints.
     """
     network, without = setup.network, setup.looks.pylons if without is None else without
     if not network.has_heights:
@@ -340,7 +339,7 @@ def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> Powe
 
 
 def _iterate_legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatArray, Phase]]:
-    """Yield (2, 3) start and end of every leg, and what is done on it."""
+    """Yield (2, 3) start and end of every leg, and its phase."""
     if path.waypoints:
         legs = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))
         yield from zip(legs, (point.phase for point in path.waypoints), strict=True)
@@ -353,7 +352,7 @@ def _sample_legs(legs: Sequence[FloatArray]) -> FloatArray:
 
 
 def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
-    """Yield for each segment (m, 3) places over and beside it, as low as a leg may be there."""
+    """Yield for each segment (m, 3) places over and next to it, at the lowest height of a leg there."""
     network, layers = setup.network, setup.layers
     step_m = max(SURFACE_STEP_M, 3.0 * float(network.lengths_m.sum()) / MAX_POINTS)
     for ends_m in network.ends_m:
@@ -367,14 +366,14 @@ def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
 def find_line_shortfall(
     walls: PowerLines, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False, beside_m: float = BESIDE_M
 ) -> ClearanceShortfall | None:
-    """Return what is worst about (m, 3) places over lines and the ground at them; None if nothing is.
+    """Return the worst shortfall of (m, 3) places over lines and the ground at them; None if there is none.
 
     Args:
         walls: All lines.
-        setup: Which says how much is enough.
+        setup: Defines the required clearance.
         points: Places and heights over the depot's ground.
-        on_pad: Whether they lead up from the ground, or down to it.
-        beside_m: So far beside a line nobody is below its top.
+        on_pad: Whether they belong to a take-off or a landing.
+        beside_m: Distance to a line within which no vehicle is below its top.
     """
     close = walls.select_near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
     if not len(close.segments):
@@ -402,7 +401,7 @@ def _describe_height(part: int, over_m: float, name: str, away_m: float) -> str:
 
 
 def measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatArray, IndexArray]:
-    """Return (m,) heights of (m, 3) places over the ground as far as it is known, and the nearest segments."""
+    """Return (m,) heights of (m, 3) places over the known ground, and the nearest segments."""
     walls = lines_of(setup)
     flat = walls is None
     if walls is None:

@@ -1,7 +1,7 @@
-"""Moves that lead around the columns above others' pads and around areas, priced as they are flown.
+"""Lead moves around the columns above other vehicles' pads and around areas, and price them as flown.
 
-Few moves of a network meet a column, but each of them costs its corners as well as its length: on the default network
-one route in four crosses the pads, and takes 3 % longer for it.
+Few moves of a network meet a column, but each of these costs its corners as well as its length: on the default network
+one route in four crosses the pads and takes 3 % longer because of it.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ WAYS_KEPT = 1 << 15
 
 @dataclass(frozen=True, slots=True)
 class DetourObstacles:
-    """What one vehicle's ways lead around."""
+    """Obstacles to the paths of one vehicle."""
 
     centres_m: tuple[Place, ...] = ()
     radius_m: float = 0.0
     areas: tuple[Obstacle, ...] = ()
-    """Areas that routes lead around as well."""
+    """Areas that routes also lead around."""
 
     def way_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray:
-        """Return (w, 2) corners of the way between two (2,) places: as it is flown, and as it is priced."""
+        """Return (w, 2) corners of the path between two (2,) places, as flown and as priced."""
         return self._corners_m(start_m[np.newaxis], goal_m[np.newaxis])[0]
 
     def is_triangle_free(self, corners_m: FloatArray) -> bool:
-        """Return whether no leg within a triangle of (3, 2) corners leads through a column, or an area."""
+        """Return whether no leg within a triangle of (3, 2) corners crosses a column or an area."""
         columns = (build_column(centre_m, self.radius_m) for centre_m in self.centres_m)
         return build_visibility_graph((*self.areas, *columns)).is_triangle_free(corners_m)
 
     def _corners_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
-        """Return (w, 2) corners of the ways from (n, 2) places to others."""
+        """Return (w, 2) corners of the paths from (n, 2) places to others."""
         if self.areas:
             return self._find_ways_around(starts_m, goals_m)
         ends = zip(map(tuple, starts_m.tolist()), map(tuple, goals_m.tolist()), strict=True)
@@ -55,10 +55,10 @@ class DetourObstacles:
         ]
 
     def _find_ways_around(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
-        """Return ways around areas, and around the columns that these meet.
+        """Return paths around areas, and around the columns that these meet.
 
-        Where no way leads around the areas, it is straight. Columns that the start or the goal is in are left out:
-        there is no way around them.
+        If no path leads around the areas, it is straight. Columns that contain the start or the goal are ignored: they
+        cannot be avoided.
         """
         found = build_visibility_graph(self.areas).ways_m(starts_m, goals_m)
         ways = [np.zeros((0, 2)) if way_m is None else way_m for way_m in found]
@@ -75,22 +75,22 @@ class DetourObstacles:
         return ways
 
     def _ends_off_m(self, starts_m: FloatArray, goals_m: FloatArray) -> FloatArray:
-        """Return (n, c) how far the nearer end of ways is from each column's middle."""
+        """Return (n, c) distances of the nearer end of each path from each column's centre."""
         centres_m = np.array(self.centres_m).reshape(-1, 2)
         return np.minimum(distances_between_m(starts_m, centres_m), distances_between_m(goals_m, centres_m))
 
     def _is_through_column(self, legs_m: FloatArray, near_m: FloatArray) -> BoolArray:
-        """Return (n,) which of (n, 2, 2) legs lead through a column that neither end of their way is in."""
+        """Return (n,) whether (n, 2, 2) legs cross a column that contains neither end of their path."""
         passed_m = place_distances_m(legs_m, np.array(self.centres_m).reshape(-1, 2)).T
         return np.asarray(((passed_m < self.radius_m - 1e-9) & (near_m >= self.radius_m)).any(axis=1))
 
     def _avoid_columns(
         self, centres_m: FloatArray, start_m: FloatArray, way_m: FloatArray, goal_m: FloatArray
     ) -> FloatArray:
-        """Return a way around areas that leads around columns as well.
+        """Return a path around areas that also avoids columns.
 
-        They are small: mostly it is enough to lead each leg around them. Only where that comes into an area, or a
-        corner is in a column, is the shortest way around all of them together looked for.
+        Columns are small: usually it is enough to lead each leg around them. Only if that enters an area, or a corner
+        is in a column, search for the shortest path around all of them together.
         """
         stops = [start_m, *way_m, goal_m]
         corners: list[FloatArray] = []
@@ -108,7 +108,7 @@ class DetourObstacles:
         return way_m if around_m is None else around_m
 
     def find_obstructed(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
-        """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around, or an area."""
+        """Return (k,) indices of (n, 3) straight paths that cross an avoidable column or an area."""
         starts_m, goals_m = from_m[:, :2], to_m[:, :2]
         hit = self._is_through_column(np.stack((starts_m, goals_m), axis=1), self._ends_off_m(starts_m, goals_m))
         if self.areas:
@@ -117,14 +117,14 @@ class DetourObstacles:
         return np.flatnonzero(hit)
 
     def iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Yield the ways that are led around something, all with as many corners at once.
+        """Yield the paths that have detours, grouped by number of corners.
 
         Args:
-            from_m: (n, 3) float64, where ways begin.
+            from_m: (n, 3) float64, where paths begin.
             to_m: (n, 3) float64, where they end.
 
         Yields:
-            (k,) which of them, and (k, w, 3) through which places, both ends included.
+            (k,) their indices, and (k, w, 3) their places, both ends included.
         """
         which = self.find_obstructed(from_m, to_m)
         corners_m = self._corners_m(from_m[which, :2], to_m[which, :2]) if len(which) else []
@@ -138,9 +138,9 @@ class DetourObstacles:
 
 @lru_cache(maxsize=WAYS_KEPT)
 def _find_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m: float) -> FloatArray:
-    """Return (w, 2) corners of a way around columns; each re-plan prices the same ways again, and so does the way back.
+    """Return (w, 2) corners of a path around columns; cached: each re-plan prices the same paths, also reversed.
 
-    They cannot be written to, as others have them too.
+    The array is read-only, because callers share it.
     """
     way_m = way_around_m(np.array(start), np.array(goal), np.array(centres).reshape(-1, 2), radius_m)
     way_m.flags.writeable = False
@@ -148,7 +148,7 @@ def _find_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m:
 
 
 def _add_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -> FloatArray:
-    """Return (k, w + 2, 3) ways from (k, 3) places through (k, w, 2) corners to others, rising evenly."""
+    """Return (k, w + 2, 3) paths from (k, 3) places through (k, w, 2) corners to others, climbing evenly."""
     level_m = np.concatenate((from_m[:, np.newaxis, :2], corners_m, to_m[:, np.newaxis, :2]), axis=1)
     legs_m = np.diff(level_m, axis=1)
     flown_m = np.cumsum(np.hypot(legs_m[..., 0], legs_m[..., 1]), axis=1)

@@ -1,10 +1,10 @@
-"""From the places of a flight, and what cameras do on its legs, to mission items in the autopilot's dialect.
+"""Encode the waypoints of a flight, and the camera actions on its legs, as mission items in the autopilot's dialect.
 
-Items of cameras that begin a leg stand before the leg's own, after the speed; items that end it right behind. All of
-them follow from the one waypoint, so that a list which keeps a waypoint keeps them too. Only commands and parameters
-are used that both autopilots store and give back as they were: ArduPilot keeps whole degrees, PX4 gives back no
-CONDITION_DELAY and no region of interest (mavlink_mission.cpp). Delays are the hold of a waypoint; a region of interest
-is for PX4 the heading of the waypoint and the pitch of the gimbal.
+Camera items that start with a leg precede the leg's own item, after the speed; items that end it follow right after.
+All of them are derived from the one waypoint, so a list that keeps a waypoint keeps them too. Only commands and
+parameters are used that both autopilots store and return unchanged: ArduPilot keeps whole degrees, PX4 returns no
+CONDITION_DELAY and no region of interest (mavlink_mission.cpp). Delays are encoded as the waypoint's hold; for PX4 a
+region of interest is the heading of the waypoint and the pitch of the gimbal.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ENDLESS = 0.0
 
 @dataclass(frozen=True, slots=True)
 class EncodedMission:
-    """One vehicle's items, and which place each of them serves."""
+    """One vehicle's items, and the waypoint of each."""
 
     vehicle: str
     items: tuple[MissionItem, ...]
@@ -47,11 +47,11 @@ class EncodedMission:
 def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
     """Return the items of a flight.
 
-    Items of the first waypoints do not depend on those that follow. A speed item stands only where the speed changes.
+    Items of the first waypoints do not depend on later ones. A speed item is added only where the speed changes.
     Latitude and longitude are rounded to 1e-7 degrees, heights to centimetres.
 
     Raises:
-        EncodeError: there is nothing to fly, the path does not start with a take-off, a figure is not a number, or
+        EncodeError: there is nothing to fly, the path does not start with a take-off, a figure is NaN or infinite, or
             the autopilot cannot hold that many items.
     """
     if not path.waypoints:
@@ -78,7 +78,7 @@ def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
         for item in (*build_begin_items(point, dialect), _build_place_item(point, dialect)):
             add(item, index)
         for item in build_end_items(point, dialect):
-            # It comes when the leg is over: who is there flies to the next waypoint.
+            # It is executed when the leg is complete: the vehicle then flies to the next waypoint.
             add(item, min(index + 1, len(path.waypoints) - 1))
     if len(items) > dialect.max_items:
         raise EncodeError(
@@ -106,7 +106,7 @@ def _build_place_item(point: Waypoint, dialect: Dialect) -> MissionItem:
     elif point.phase is Phase.LAND:
         command, param2 = Command.NAV_LAND, 0.0
     elif point.hold:
-        # Whole seconds: ArduPilot keeps no others.
+        # Whole seconds: ArduPilot stores no fractions.
         param1, param2 = max(dialect.performance.hold_s, float(math.ceil(point.hover_s))), dialect.stop_radius_m
     has_position = command is not Command.NAV_TAKEOFF or dialect.takeoff_with_position
     return MissionItem(
@@ -136,7 +136,7 @@ def _check(vehicle: str, index: int, point: Waypoint) -> None:
 
 
 def build_begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
-    """Yield what begins with the leg to a waypoint, not numbered yet."""
+    """Yield the items that start with the leg to a waypoint, not numbered yet."""
     pointed: set[tuple[int, int, bool]] = set()
     for capture in point.captures:
         region = capture.region
@@ -150,7 +150,7 @@ def build_begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem
                 yield _build_gimbal_item(*pointing, dialect)
         match capture.trigger:
             case Trigger.DISTANCE:
-                # A gimbal turns with the vehicle, which faces the leg only once it has set out.
+                # A gimbal turns with the vehicle, which faces along the leg only after departure.
                 first = AT_ONCE if capture.pitch_deg is None else 0.0
                 yield _build_command_item(dialect, Command.DO_SET_CAM_TRIGG_DIST, capture.every_m, 0.0, first)
             case Trigger.INTERVAL:
@@ -163,7 +163,7 @@ def build_begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem
 
 
 def build_end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
-    """Yield what ends with the leg to a waypoint, not numbered yet."""
+    """Yield the items that end with the leg to a waypoint, not numbered yet."""
     for capture in point.captures:
         match capture.trigger:
             case Trigger.DISTANCE:
@@ -174,14 +174,14 @@ def build_end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
                 yield _build_command_item(dialect, Command.VIDEO_STOP_CAPTURE, EVERY_STREAM)
             case Trigger.ONCE if capture.camera_id >= FIRST_COMPONENT:
                 yield _build_command_item(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
-            case Trigger.ONCE:  # PX4 triggers what is wired to it by this command alone
+            case Trigger.ONCE:  # PX4 triggers hard-wired cameras by this command only
                 yield MissionItem(0, dialect.command_frame, Command.DO_DIGICAM_CONTROL, x=SHOOT)
         if capture.region is not None and dialect.keeps_region:
             yield _build_command_item(dialect, Command.DO_SET_ROI_NONE)
 
 
 def heading_deg(point: Waypoint, dialect: Dialect) -> float:
-    """Return the heading that the item of a waypoint asks for: to a region of interest, where no other item does."""
+    """Return the heading of a waypoint's item: to a region of interest, where no other item sets it."""
     for capture in point.captures:
         if capture.region is not None and capture.yaw_deg is not None and not dialect.keeps_region:
             return float(capture.yaw_deg % 360)

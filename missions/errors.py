@@ -1,4 +1,4 @@
-"""What the missions package raises.
+"""Define the exceptions of the missions package.
 
 MissionsError
 ├── NetworkError       a network file that cannot be used: names the file, the place in it and what was expected
@@ -13,7 +13,7 @@ MissionsError
 
 
 class MissionsError(Exception):
-    """Root of everything that this package raises on purpose; the text is one line for the user."""
+    """Root of all exceptions that this package raises on purpose; the text is one line for the user."""
 
 
 class NetworkError(MissionsError):
@@ -45,4 +45,4 @@ class SafetyError(MissionsError):
 
 
 class EncodeError(MissionsError):
-    """The route cannot be expressed for the autopilot."""
+    """The route cannot be encoded for the autopilot."""

@@ -1,7 +1,7 @@
 """Build the fence of one vehicle around its plan and RTL, and encode it.
 
-A fence is convex. So the straight way home from anywhere inside is inside, whatever made the vehicle return, and a
-fence that covers two missions is the hull of both. Every simplification only makes it larger.
+A fence is convex. So a straight RTL from anywhere inside stays inside, whatever caused it, and a fence that covers two
+missions is the hull of both. Every simplification only makes it larger.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ READ_BACK_E7 = 100
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """Where one vehicle may fly."""
+    """The area where one vehicle may fly."""
 
     corners_m: tuple[Corner, ...]
     """Corners of a convex polygon, counter-clockwise."""
@@ -41,29 +41,29 @@ class Fence:
     """Ceiling above its own home."""
 
     def distance_outside_m(self, place_m: Corner) -> float:
-        """Return how far outside a place is; 0 inside."""
+        """Return the distance of a place outside the fence; 0 inside."""
         if _is_inside_convex(self.corners_m, place_m, 0.0):
             return 0.0
         return min(geometry.locate_on_leg(one, other, place_m)[1] for one, other in _iterate_edges(self.corners_m))
 
     def is_covering(self, other: Fence) -> bool:
-        """Return whether everything inside the other one is inside this one."""
+        """Return whether this fence contains the other."""
         inside = all(_is_inside_convex(self.corners_m, corner, COVERED_M) for corner in other.corners_m)
         return inside and other.top_m <= self.top_m + COVERED_M
 
     def merge_with(self, other: Fence) -> Fence:
-        """Return the least fence of its kind that covers both."""
+        """Return the smallest fence of its kind that covers both."""
         corners = simplify_polygon(build_fence_hull((*self.corners_m, *other.corners_m)))
         return Fence(corners, max(self.top_m, other.top_m))
 
 
 def build_fence(places_m: Iterable[Corner], margin_m: float, top_m: float) -> Fence:
-    """Return the fence of a vehicle that flies straight from place to place, and straight home from anywhere.
+    """Return the fence of a vehicle that flies straight from place to place, with a straight RTL from anywhere.
 
     Args:
-        places_m: Every place of its missions, its pad among them.
-        margin_m: How far from its ways the fence is at least.
-        top_m: Its height over the vehicle's home.
+        places_m: Every place of its missions, its pad included.
+        margin_m: Minimum distance of the fence from its paths.
+        top_m: Its height above the vehicle's home.
     """
     reach_m = margin_m / math.cos(math.pi / ROUND)
     turns = [2.0 * math.pi * (number + 0.5) / ROUND for number in range(ROUND)]
@@ -77,7 +77,7 @@ def build_fence(places_m: Iterable[Corner], margin_m: float, top_m: float) -> Fe
 
 
 def flown_places(pad_m: Corner, path: FlightPath | None, frame: LocalFrame) -> list[Corner]:
-    """Return every place that a fence is made around: the pad, and where a flight leads."""
+    """Return every place that a fence must enclose: the pad, and the places of a flight."""
     waypoints = () if path is None else path.waypoints
     return [pad_m, *(frame.to_local_m(point.lat_deg, point.lon_deg) for point in waypoints)]
 
@@ -93,7 +93,7 @@ def build_fence_hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:
 
 
 def simplify_polygon(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> tuple[Corner, ...]:
-    """Return a convex polygon around another one, with few corners: edges are left out, and their neighbours go on."""
+    """Return a larger convex polygon with few corners: edges are removed by extending their neighbours."""
     corners = list(corners_m)
     while len(corners) > max(most, 4):
         ways = [way for index in range(len(corners)) if (way := _find_edge_removal(corners, index)) is not None]
@@ -107,7 +107,7 @@ def simplify_polygon(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> t
 
 
 def build_fence_items(fence: Fence, frame: LocalFrame) -> tuple[MissionItem, ...]:
-    """Return a fence as it goes on board."""
+    """Return a fence as items to upload."""
     placed = [_to_e7(frame, corner) for corner in fence.corners_m]
     return tuple(
         MissionItem(seq, Frame.GLOBAL, PlaceCommand.INCLUSION_VERTEX, float(len(placed)), x=x, y=y)
@@ -116,7 +116,7 @@ def build_fence_items(fence: Fence, frame: LocalFrame) -> tuple[MissionItem, ...
 
 
 def build_rally_items(places_m: Iterable[Corner], frame: LocalFrame) -> tuple[MissionItem, ...]:
-    """Return rally points on the level of the vehicle's home, as they go on board."""
+    """Return rally points at the height of the vehicle's home, as items to upload."""
     return tuple(
         MissionItem(seq, Frame.GLOBAL_RELATIVE_ALT, PlaceCommand.RALLY_POINT, x=x, y=y)
         for seq, place in enumerate(places_m)
@@ -125,10 +125,10 @@ def build_rally_items(places_m: Iterable[Corner], frame: LocalFrame) -> tuple[Mi
 
 
 def find_list_differences(sent: Sequence[MissionItem], read_back: Sequence[MissionItem]) -> tuple[str, ...]:
-    """Return in words how a fence, or rally points, on board differ from what was sent; empty if they mean the same.
+    """Return messages on how fence or rally points on board differ from those sent; empty if they are equivalent.
 
-    Frames are not compared: ArduPilot answers 0, PX4 the number that counts in integers. Nor are flags, which mean
-    nothing here.
+    Frames are not compared: ArduPilot answers 0, PX4 the number for integer coordinates. Nor are flags, which have no
+    meaning here.
     """
     if len(sent) != len(read_back):
         return (f"{len(sent)} items sent, {len(read_back)} read back",)
@@ -140,7 +140,7 @@ def find_list_differences(sent: Sequence[MissionItem], read_back: Sequence[Missi
             ("param1", ours.param1, theirs.param1, 0.01),
             ("x", ours.x, theirs.x, READ_BACK_E7),
             ("y", ours.y, theirs.y, READ_BACK_E7),
-            # ArduPilot keeps the heights of rally points in whole metres.
+            # ArduPilot stores the heights of rally points in whole metres.
             ("z", ours.z, theirs.z, 1.01 if ours.command == PlaceCommand.RALLY_POINT else math.inf),
         )
         if abs(was - now) > least
@@ -149,7 +149,7 @@ def find_list_differences(sent: Sequence[MissionItem], read_back: Sequence[Missi
 
 @dataclass(frozen=True, slots=True)
 class FenceOutline:
-    """One shape of a fence that somebody put on board."""
+    """One shape of a fence uploaded by another ground station."""
 
     keeps_out: bool
     corners_m: tuple[Corner, ...]
@@ -158,7 +158,7 @@ class FenceOutline:
     """Radius of a circle."""
 
     def is_allowed(self, places_m: FloatArray) -> BoolArray:
-        """Return (m,) whether a vehicle may be at (m, 2) places, as far as this shape goes."""
+        """Return (m,) whether this shape allows a vehicle at (m, 2) places."""
         corners_m = np.array(self.corners_m)
         if self.radius_m is None:
             inside = geometry.is_enclosed(places_m, corners_m, np.roll(corners_m, -1, axis=0))
@@ -168,7 +168,7 @@ class FenceOutline:
 
 
 def parse_outlines(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[FenceOutline, ...]:
-    """Return the shapes of a fence on board; what is none of them, such as a return point, is left out."""
+    """Return the shapes of a fence on board; other items, e.g. a return point, are ignored."""
     shapes, index = list[FenceOutline](), 0
     while index < len(items):
         item, size = items[index], 1
@@ -184,9 +184,9 @@ def parse_outlines(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[Fen
 
 
 def find_first_outside(shapes: Sequence[FenceOutline], way_m: Sequence[Corner], step_m: float = 2.0) -> Corner | None:
-    """Return the first place on a way, straight from place to place, where a fence on board is left; None if none is.
+    """Return the first place on a path of straight legs that is outside a fence on board; None if there is none.
 
-    Both autopilots want a vehicle inside every inclusion and outside every exclusion.
+    Both autopilots require a vehicle inside every inclusion and outside every exclusion.
     """
     for leg in itertools.pairwise(way_m):
         places_m = geometry.sample_leg(np.array(leg), step_m)
@@ -197,7 +197,7 @@ def find_first_outside(shapes: Sequence[FenceOutline], way_m: Sequence[Corner], 
 
 
 def number_items(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
-    """Return items that were read from a vehicle as they are sent back to it."""
+    """Return items read from a vehicle, renumbered to send them back."""
     return tuple(replace(item, seq=seq, current=False) for seq, item in enumerate(items))
 
 
@@ -213,7 +213,7 @@ def _is_inside_convex(corners: Sequence[Corner], place: Corner, slack_m: float) 
 
 
 def _find_edge_removal(corners: Sequence[Corner], index: int) -> tuple[float, int, Corner] | None:
-    """Return what leaving the edge from a corner on out adds in area, and the corner that takes the place of both."""
+    """Return the area added by removing the edge from a corner, and the corner that replaces both its ends."""
     count = len(corners)
     before, one = corners[index - 1], corners[index]
     other, after = corners[(index + 1) % count], corners[(index + 2) % count]

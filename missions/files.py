@@ -1,4 +1,4 @@
-"""Read files that people wrote or that were damaged; every defect is one line."""
+"""Read files that people edited or that were damaged; every defect is reported in one line."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ MOST_FIGURE = 1e12
 
 
 def read_text(path: Path, what: str, error: type[Exception]) -> str:
-    """Return the text of a file in UTF-8, without the byte order mark that some editors put in front.
+    """Return the UTF-8 text of a file, without the byte order mark that some editors add.
 
     Args:
         path: The file.
-        what: What is expected there, such as 'plan file'.
-        error: What to raise.
+        what: The expected content, e.g. 'plan file'.
+        error: Type to raise.
     """
     try:
         content = path.read_bytes()
@@ -31,7 +31,7 @@ def read_text(path: Path, what: str, error: type[Exception]) -> str:
 
 
 def decode_text(content: bytes, source: str, error: type[Exception]) -> str:
-    """Return the text that bytes are in UTF-8, without a byte order mark."""
+    """Return bytes decoded as UTF-8, without a byte order mark."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as reason:
@@ -39,12 +39,12 @@ def decode_text(content: bytes, source: str, error: type[Exception]) -> str:
 
 
 def parse_json(text: str, source: str, error: type[Exception]) -> object:
-    """Return what a JSON text says.
+    """Return the content of a JSON text.
 
     Args:
         text: Without a byte order mark.
-        source: Where it comes from, for messages.
-        error: What to raise.
+        source: Its source, for messages.
+        error: Type to raise.
     """
     try:
         content: object = json.loads(text)
@@ -52,13 +52,13 @@ def parse_json(text: str, source: str, error: type[Exception]) -> object:
         raise error(f"{source}: line {reason.lineno}: expected JSON: {reason.msg}") from reason
     except RecursionError:
         raise error(f"{source}: content: {NESTED}") from None
-    except ValueError as reason:  # Python does not read whole numbers of more than 4300 digits
+    except ValueError as reason:  # Python does not parse integers of more than 4300 digits
         raise error(f"{source}: content: expected numbers of a usual size") from reason
     return content
 
 
 def find_object(text: str) -> dict[str, Any]:
-    """Return the JSON object that a text is; an empty one where it is none, as a reader of the whole file explains."""
+    """Return the JSON object in a text; empty if there is none, since the reader of the whole file reports why."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):
@@ -70,12 +70,12 @@ NESTED = "expected lists and objects that are not nested hundreds deep"
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all, after a power loss or on a full disk too.
+    """Write a file atomically, also across a power loss or on a full disk.
 
-    A link stays one, and its file is replaced; what is no file, such as a pipe, is written to as it is.
+    A symbolic link is kept and its target replaced; a non-regular file, e.g. a pipe, is written directly.
 
     Raises:
-        OSError: it cannot be written; what was there before is untouched.
+        OSError: it cannot be written; the previous content is unchanged.
     """
     path = path.resolve()
     if path.exists() and not path.is_file():
@@ -94,7 +94,7 @@ def write_whole(path: Path, content: bytes) -> None:
         draft.unlink(missing_ok=True)
         raise
     if sys.platform == "win32":
-        return  # which opens no folder
+        return  # Windows cannot open folders
     folder = os.open(path.parent, os.O_RDONLY)
     try:
         os.fsync(folder)  # the new name
@@ -103,7 +103,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def stamp_file(path: Path) -> tuple[int, int] | None:
-    """Return when a file or folder was written, and its size: another one whenever it is; None where there is none."""
+    """Return a file's or folder's modification time and size, to detect changes; None if there is none."""
     try:
         found = path.stat()
     except (OSError, ValueError):
@@ -112,23 +112,23 @@ def stamp_file(path: Path) -> tuple[int, int] | None:
 
 
 def is_number(value: object) -> TypeGuard[int | float]:
-    """Return whether a parsed JSON value is a finite number; a boolean is none, nor is what no float can hold."""
+    """Return whether a parsed JSON value is a finite number; booleans and numbers beyond float are not."""
     most = sys.float_info.max
     return isinstance(value, int | float) and not isinstance(value, bool) and -most <= value <= most
 
 
 def is_figure(value: object) -> TypeGuard[int | float]:
-    """Return whether a parsed JSON value is a number that a place, a time or a share can have."""
+    """Return whether a parsed JSON value is a plausible number for a place, a time or a share."""
     return is_number(value) and abs(value) <= MOST_FIGURE
 
 
 def to_printable(text: str) -> str:
-    """Return a name for people: on one line, without what a terminal would not show."""
+    """Return a name for display: on one line, without non-printable characters."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
 
 
 def json_text(content: object, separators: tuple[str, str] | None = None) -> str:
-    """Return JSON on one line, in which a number that is not finite is null: JSON has no word for it."""
+    """Return JSON on one line, with null for NaN and infinity, which JSON lacks."""
     try:
         return json.dumps(content, separators=separators, allow_nan=False)
     except ValueError:
@@ -148,7 +148,7 @@ def _finite(value: object) -> object:
 
 
 def write_document(path: Path, document: Mapping[str, object]) -> None:
-    """Write a JSON document, as a whole or not at all.
+    """Write a JSON document atomically.
 
     Raises:
         OSError: it cannot be written.

@@ -1,19 +1,19 @@
-"""What one vehicle's flights take: the times and energies of legs and moves, of its take-off and its landing.
+"""Compute the times and energies of one vehicle's legs and moves, its take-off and its landing.
 
-There is one description of a flight. The planner's matrices (`pricing`), the checks before the flight, its progress,
-re-plans and reports price their legs here, so that a plan says what will be flown. A *move* is what a route consists
-of: the transit to a segment's first pylon, which ends with a stop, and the inspection to its last one, which does too.
-What a move takes therefore does not depend on what comes before or after it.
+This is the only description of a flight. The planner's matrices (`pricing`), pre-flight checks, progress, re-plans and
+reports all price their legs here, so that a plan matches what will be flown. A route consists of *moves*: the transit
+to a segment's first pylon, which ends with a stop, and the inspection to its last one, which also ends with a stop. The
+price of a move therefore does not depend on the moves before or after it.
 
-Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
-what a move takes is the same in each. How long a whole flight takes, leg by leg, follows from the same model.
+Places are east, north and up in metres, the height as in the lowest layer: layers are parallel, so a move has the same
+price in each. The same model gives the duration of a whole flight, leg by leg.
 
-A leg is flown from rest, or from the leg before it in passing, along a straight line. Autopilots build up speed with a
+A leg is flown along a straight line, from rest or passing from the leg before it. Autopilots build up speed with a
 bounded acceleration ``a``, the acceleration with a bounded jerk ``j``, and ArduPilot the jerk over a time ``s``. The
 ramp from rest to a speed ``v`` takes ``v / a + s + a / j`` where the acceleration is reached, and else
 ``2 (s + p / j)`` with the peak ``p = j / 2 (sqrt(s^2 + 4 v / j) - s)`` of the acceleration; it covers half of ``v``
 times that. A leg of length ``d`` from rest to rest takes ``d / v`` and one ramp (ArduPilot: SCurve.cpp; flights of both
-autopilots in simulation follow it, see docs/results).
+autopilots in simulation match it, see docs/results).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from missions.waypoints import FlightPath, Phase, legs_m
 from planner import CLIMB_SHARE_PER_M_S, SteadyWind
 
 SAME_PLACE_M = 0.5
-"""Distance within which an inspection starts where the last one ended, without a waypoint between."""
+"""Distance within which an inspection starts where the last one ended, without a waypoint between them."""
 UNKNOWN = np.zeros(3)
 """Unknown direction."""
 Speed = Annotated[Figure, Field(ge=0.001)]
@@ -53,7 +53,7 @@ STEPS = 8
 def half_turn_sines(before_m: FloatArray, after_m: FloatArray) -> FloatArray:
     """Return the sine of half the turn from ``before_m`` to ``after_m`` (..., 2): 0 straight on, 1 back.
 
-    A vector of no length is a direction that nobody knows: it counts as a right angle.
+    A vector of zero length is an unknown direction: it counts as a right angle.
     """
     lengths = np.hypot(before_m[..., 0], before_m[..., 1]) * np.hypot(after_m[..., 0], after_m[..., 1])
     along = before_m[..., 0] * after_m[..., 0] + before_m[..., 1] * after_m[..., 1]
@@ -62,7 +62,7 @@ def half_turn_sines(before_m: FloatArray, after_m: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """How fast a speed is built up and taken away along one axis."""
+    """How speed is built up and reduced along one axis."""
 
     acceleration_m_s2: Above0
     jerk_m_s3: Above0
@@ -70,14 +70,14 @@ class Ramp:
     """Time in which the jerk builds up."""
 
     def ramp_s(self, speed_m_s: FloatArray) -> FloatArray:
-        """Return the time from rest to a speed, or from it to rest."""
+        """Return the time from rest to a speed, or back to rest."""
         acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
         peak = 0.5 * jerk * (np.sqrt(smooth**2 + 4.0 * speed_m_s / jerk) - smooth)
         reached = speed_m_s / acceleration + smooth + acceleration / jerk
         return np.asarray(np.where(peak >= acceleration, reached, 2.0 * (smooth + peak / jerk)))
 
     def rest_s(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        """Return the time of lengths at a speed from rest to rest; none takes no time."""
+        """Return the time of lengths at a speed from rest to rest; zero length takes no time."""
         ramp_s = self.ramp_s(speed_m_s)
         short = length_m < speed_m_s * ramp_s
         whole = length_m / speed_m_s + ramp_s
@@ -88,18 +88,18 @@ class Ramp:
     def leg_s(self, length_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
         """Return the time of lengths at a speed with 0, 1 or 2 of their ends at rest.
 
-        Where an end is passed half a ramp is spared, and on lengths too short for the speed half of that: autopilots
-        fly no faster than they can stop by the end of the leg.
+        Each passed end saves half a ramp, and on lengths too short for the speed half of that: autopilots fly no faster
+        than they can stop by the end of the leg.
         """
         rest_s = self.rest_s(length_m, speed_m_s)
         return np.asarray(rest_s - 0.5 * (2.0 - ends) * np.minimum(self.ramp_s(speed_m_s), 0.5 * rest_s))
 
     def _short_ramp_s(self, length_m: FloatArray) -> FloatArray:
-        """Return the ramps of lengths on which no speed is held: two of them cover the length."""
+        """Return the ramps of lengths too short to hold a speed: two of them cover the length."""
         acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
         lag_s = smooth + acceleration / jerk
         fast_m_s = 0.5 * acceleration * (np.sqrt(lag_s**2 + 4.0 * length_m / acceleration) - lag_s)
-        # Where the acceleration is not reached: length = 2 j q (s + q)^2, with q its peak over the jerk.
+        # If the acceleration is not reached: length = 2 j q (s + q)^2, where q is its peak divided by the jerk.
         q = np.cbrt(length_m / (2.0 * jerk)) + TINY_S
         for _ in range(STEPS):
             value = 2.0 * jerk * q * (smooth + q) ** 2 - length_m
@@ -109,7 +109,7 @@ class Ramp:
 
 @dataclass(frozen=True, slots=True)
 class Performance:
-    """How a multicopter moves under its autopilot, on missions as they are encoded here."""
+    """How a multicopter flies missions as encoded here under its autopilot."""
 
     level: Ramp
     """Ramp of horizontal flight."""
@@ -160,62 +160,62 @@ class Performance:
         """Return the times of straight legs; all arrays broadcast against each other.
 
         Args:
-            length_m: Over the ground.
-            rise_m: Up, or below zero down.
-            speed_m_s: Over the ground, at most: a steep leg is flown as fast as its height allows.
-            ends: How many of the two ends are at rest: 0, 1 or 2.
+            length_m: Horizontal length.
+            rise_m: Climb; negative for a descent.
+            speed_m_s: Greatest horizontal speed; a steep leg is flown as fast as its climb rate allows.
+            ends: Number of ends at rest: 0, 1 or 2.
         """
         speed_m_s = self.leg_speed_m_s(length_m, rise_m, speed_m_s)
         level_s = self.level.leg_s(length_m, speed_m_s, ends)
-        # A way from stop to stop is spared its last metres once, whatever number of legs it has.
+        # The last metres of a path from stop to stop are saved once, for any number of legs.
         level_s = (1.0 + self.waits) * np.maximum(0.0, level_s - 0.5 * ends * self._braking_gain_s(speed_m_s))
         steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
         return np.asarray(np.maximum(level_s, self.upright.leg_s(np.abs(rise_m), steepest, ends)))
 
     def _braking_gain_s(self, speed_m_s: FloatArray) -> FloatArray:
-        """Return what the last metres before a stop would take: they are flown while it brakes."""
+        """Return the time saved at a stop: its last metres overlap with the braking."""
         braking_m_s2, speed_m_s = self.level.acceleration_m_s2, np.maximum(speed_m_s, LEAST_M_S)
         braked_m = np.minimum(self.accept_m, 0.5 * speed_m_s**2 / braking_m_s2)
         return np.asarray(np.sqrt(2.0 * braked_m / braking_m_s2) + (self.accept_m - braked_m) / speed_m_s)
 
     def leg_speed_m_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        """Return the speeds over the ground of legs that may be too steep for the one asked."""
+        """Return the horizontal speeds of legs that may be too steep for the requested speed."""
         steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
         able = steepest * length_m / np.maximum(np.abs(rise_m), SHORT_M)
         return np.asarray(np.minimum(speed_m_s, np.maximum(able, SHORT_M)))
 
     def arrival_speed_m_s(self, length_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
-        """Return how fast the middle of a way from rest to rest is flown: it is braked from that at its end."""
+        """Return the mid-path speed of a path from rest to rest, from which it brakes at the end."""
         return np.asarray(np.minimum(speed_m_s, np.sqrt(self.level.acceleration_m_s2 * length_m)))
 
     def turns_s(self, before_m: FloatArray, after_m: FloatArray, arrives_m_s: FloatArray) -> FloatArray:
-        """Return what beginning legs along ``after_m`` (..., 2) takes after a stop at the end of others.
+        """Return the time to begin legs along ``after_m`` (..., 2) after a stop at the end of others.
 
         Args:
-            before_m: (..., 2) along which it arrived.
-            after_m: (..., 2) along which it goes on.
-            arrives_m_s: (...) from which speed it has braked.
+            before_m: (..., 2) direction of arrival.
+            after_m: (..., 2) direction of departure.
+            arrives_m_s: (...) speed from which it braked.
         """
         sines = half_turn_sines(before_m, after_m) ** self.turn_power
         return np.asarray(self.turn_s * sines * (arrives_m_s / CORNER_M_S) ** self.turn_speed_power)
 
     def corners_s(self, before_m: FloatArray, after_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        """Return what going on along ``after_m`` (..., 2) takes more at the end of other legs that is passed."""
+        """Return the extra time to continue along ``after_m`` (..., 2) when passing the end of other legs."""
         sines = half_turn_sines(before_m, after_m) ** self.corner_power
         return np.asarray(self.pass_s + self.corner_s * sines * speed_m_s / CORNER_M_S)
 
     def landing_s(self, drop_m: FloatArray) -> FloatArray:
-        """Return the times from standing over its pad until its motors have stopped."""
+        """Return the times from hovering over its pad until its motors have stopped."""
         slow_m = np.minimum(drop_m, self.land_below_m)
         return np.asarray(self.touch_s + slow_m / self.land_m_s + (drop_m - slow_m) / self.land_fast_m_s)
 
     def return_s(self, length_m: float, rise_m: float, drop_m: float) -> tuple[float, float, float]:
-        """Return the times of the climb, the level way and the landing of a return of its own, from a stand.
+        """Return the times of the climb, the level flight and the landing of an RTL from hover.
 
         Args:
-            length_m: Over the ground; none is over the pad already.
-            rise_m: Up to the height of the return.
-            drop_m: From there onto the pad.
+            length_m: Horizontal length; 0 if already over the pad.
+            rise_m: Climb to the RTL height.
+            drop_m: Descent from there onto the pad.
         """
         level_s = wait_s = 0.0
         if length_m > SHORT_M:
@@ -225,7 +225,7 @@ class Performance:
 
 @lru_cache(maxsize=512)
 def _level_s(level: Ramp, length_m: float, speed_m_s: float) -> float:
-    """Return the time of one length from rest to rest; between two positions it is asked for several times."""
+    """Return the time of one length from rest to rest; cached, as it is used several times per position update."""
     return float(level.rest_s(np.array(length_m), np.array(speed_m_s)))
 
 
@@ -236,18 +236,18 @@ def _landing_s(performance: Performance, drop_m: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """A parameter of an autopilot that shapes its flight, and what of its performance is in proportion to it."""
+    """An autopilot parameter that affects flight, and the performance figures proportional to it."""
 
     parameter: str
     default: float
     shapes: tuple[str, ...]
-    """Keys of the performance, such as `climb_m_s` and `level.acceleration_m_s2`."""
+    """Keys of the performance, e.g. `climb_m_s` and `level.acceleration_m_s2`."""
     alone: bool = False
     """Whether it replaces the effect of earlier parameters."""
 
 
 def apply_tunings(performance: Performance, tunings: Iterable[Tuning], parameters: Mapping[str, float]) -> Performance:
-    """Return how a vehicle flies by its own parameters; what it did not say, or what makes no sense, is the default."""
+    """Return a vehicle's performance by its own parameters; missing or implausible ones take the default."""
     usual = performance
     for tuning in tunings:
         value = parameters.get(tuning.parameter)
@@ -268,16 +268,16 @@ def apply_tunings(performance: Performance, tunings: Iterable[Tuning], parameter
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Factors on the times of legs: 1 is as the model has it, more is slower.
+    """Factors on the times of legs: 1 is as modelled, more is slower.
 
-    A vehicle that takes longer for a leg draws its power for longer: energies of these legs have the same factor.
+    A vehicle that takes longer for a leg draws power for longer: energies of these legs have the same factor.
     """
 
     inspect: Factor = 1.0
     transit: Factor = 1.0
 
     def factor_of(self, phase: Phase) -> float:
-        """Return the factor of legs of a phase; take-offs and landings are as the model has them.
+        """Return the factor of legs of a phase; take-offs and landings are as modelled.
 
         >>> Pace(1.2, 1.1).factor_of(Phase.RETURN)
         1.1
@@ -287,7 +287,7 @@ class Pace:
         return self.transit if phase in (Phase.TRANSIT, Phase.RETURN) else 1.0
 
     def combine(self, other: Pace) -> Pace:
-        """Return what both together make of a time."""
+        """Return the combined factors."""
         return Pace(self.inspect * other.inspect, self.transit * other.transit)
 
 
@@ -297,15 +297,15 @@ AS_MODELLED = Pace()
 def find_vertical_legs(
     from_m: FloatArray, first_m: FloatArray, from_low: BoolArray, to_low: BoolArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Return which moves between (..., 3) places begin with a way up, and which come down before their inspection.
+    """Return which moves between (..., 3) places begin with a climb, and which descend before their inspection.
 
-    Arrays broadcast against each other. A visit that begins within `SAME_PLACE_M` follows on without a way between.
+    Arrays broadcast against each other. A visit that begins within `SAME_PLACE_M` follows without a transit.
 
     Args:
-        from_m: Where moves begin.
-        first_m: Where their visits begin.
-        from_low: Which of the former are below the layer.
-        to_low: Which of the latter are.
+        from_m: Starts of moves.
+        first_m: Starts of their visits.
+        from_low: Which moves start below the layer.
+        to_low: Which visits start below the layer.
     """
     if not (from_low.any() or to_low.any()):
         return NEVER, NEVER
@@ -316,7 +316,7 @@ def find_vertical_legs(
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """Where a vehicle takes off and lands."""
+    """Take-off and landing place of a vehicle."""
 
     place_m: Place
     """Place above its pad where its climb ends and its landing begins."""
@@ -326,7 +326,7 @@ class Base:
 
 @dataclass(frozen=True, slots=True)
 class FlightModel:
-    """What one vehicle's flights take."""
+    """Times and energies of one vehicle's flights."""
 
     performance: Performance
     power: SteadyWind
@@ -341,13 +341,13 @@ class FlightModel:
 
         Args:
             along_m: (..., 3) float64, east, north and up.
-            speed_m_s: (...) float64 over the ground, at most.
-            ends: (...) float64, how many of the two ends are at rest.
+            speed_m_s: (...) float64, greatest horizontal speed.
+            ends: (...) float64, number of ends at rest.
         """
         length_m, rise_m = np.hypot(along_m[..., 0], along_m[..., 1]), along_m[..., 2]
         seconds = self.performance.legs_s(length_m, rise_m, speed_m_s, ends)
         speed = self.performance.leg_speed_m_s(length_m, rise_m, speed_m_s)
-        # A leg too short for its speed is two ramps, whose mean speed is half of the peak's.
+        # A leg too short for its speed is two ramps, whose mean speed is half the peak speed.
         peak = np.minimum(speed, 2.0 * length_m / np.maximum(seconds, 1e-9))
         ramps_s = np.minimum(seconds, ends * self.performance.level.ramp_s(peak))
         toward = along_m[..., :2] / np.maximum(length_m, 1e-9)[..., np.newaxis] * peak[..., np.newaxis]
@@ -358,11 +358,11 @@ class FlightModel:
 
     @property
     def hover_pct_per_s(self) -> float:
-        """What a second at rest over a place uses."""
+        """Energy per second at rest over a place."""
         return float(self._rates_pct_per_s(np.zeros(2)))
 
     def price_take_off(self, climb_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of climbs from the pad, from the order to take off until it stands over that."""
+        """Return seconds and energies of climbs from the pad, from the take-off command until hover above it."""
         own, slow_m = self.performance, np.minimum(climb_m, self.performance.take_off_below_m)
         seconds = np.asarray(own.spool_s + slow_m / own.take_off_m_s + (climb_m - slow_m) / own.climb_m_s)
         return seconds, np.asarray((seconds + CLIMB_SHARE_PER_M_S * climb_m) * self.hover_pct_per_s)
@@ -378,10 +378,10 @@ class FlightModel:
         """Return seconds and energies of moves from rest; arrays broadcast against each other.
 
         Args:
-            facing_m: (..., 3) along which the vehicle arrived where they begin; of no length where nobody knows.
-            legs_m: (..., w, 3) the legs of their transits to where the visits begin.
-            along_m: (..., 3) from there to where the visits end.
-            down: (...) which visits it comes down to, straight, when it is there.
+            facing_m: (..., 3) direction of arrival at their start; of zero length if unknown.
+            legs_m: (..., w, 3) legs of their transits to where the visits begin.
+            along_m: (..., 3) vector from there to where the visits end.
+            down: (...) visits before which it descends vertically on arrival.
         """
         away = np.hypot(legs_m[..., 0], legs_m[..., 1]).sum(axis=-1) > SAME_PLACE_M
         transit_s, transit_pct = self._price_transit(facing_m, legs_m, self.performance.hold_s)
@@ -398,18 +398,18 @@ class FlightModel:
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
     def price_ways_home(self, facing_m: FloatArray, legs_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of ways from rest onto a pad, whose legs over the ground are (..., w, 3)."""
+        """Return seconds and energies of returns from rest onto a pad along (..., w, 3) legs."""
         level_s, level_pct = self._price_transit(facing_m, legs_m, 0.0)
         land_s, land_pct = self.price_landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
 
     def price_vertical(self, rise_m: float) -> tuple[float, float]:
-        """Return seconds and energy of a way straight up, or below zero down, with the stop at its end."""
+        """Return seconds and energy of a vertical climb, or a descent if negative, with the stop at its end."""
         seconds, pct = self._price_transit(UNKNOWN, np.array([[0.0, 0.0, rise_m]]), self.performance.hold_s)
         return float(seconds), float(pct)
 
     def _price_transit(self, before_m: FloatArray, legs_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies from stop to stop along (..., w, 3) legs; the places between them are passed."""
+        """Return seconds and energies from stop to stop along (..., w, 3) legs; places between them are passed."""
         speed_m_s, ends = np.full(legs_m.shape[:-1], self.transit_speed_m_s), np.zeros(legs_m.shape[:-1])
         ends[..., 0] += 1.0
         ends[..., -1] += 1.0
@@ -428,7 +428,7 @@ class FlightModel:
 
 
 def arrival_vectors_m(upright: BoolArray, along_m: FloatArray) -> FloatArray:
-    """Return along what vehicles arrive: nobody who comes straight up or down arrives along anything."""
+    """Return the directions of arrival; after a vertical leg there is none."""
     return np.where(upright[..., np.newaxis], UNKNOWN, along_m) if upright.any() else along_m
 
 

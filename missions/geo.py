@@ -1,4 +1,4 @@
-"""WGS 84 to local metres and back: the only place where degrees meet metres.
+"""Convert WGS 84 to local metres and back: the only module that converts degrees to metres.
 
 The local plane is the azimuthal equidistant projection about the depot: distance and direction from the depot are the
 geodesic ones. Across that direction it stretches: a kilometre comes out 4 mm too long 30 km away, 16 cm at 200 km.
@@ -32,7 +32,7 @@ _GEOD = pyproj.Geod(ellps="WGS84")
 
 def wrap_lon_deg(lon_deg: float) -> float:
     """Return the same meridian in [-180, 180)."""
-    # Untouched where it can be: the way there and back costs digits.
+    # Leave valid values unchanged: the conversion loses digits.
     if -180.0 <= lon_deg < 180.0:
         return lon_deg
     wrapped = (lon_deg + 180.0) % 360.0 - 180.0
@@ -58,13 +58,13 @@ class LocalFrame:
     lon_deg: Figure
     """Kept in [-180, 180)."""
     alt_m: Figure = 0.0
-    """Height of the depot above mean sea level; up is counted from it."""
+    """Height of the depot above mean sea level; up is measured from it."""
 
     def __post_init__(self) -> None:
         """Check the depot.
 
         Raises:
-            ValueError: not a number, or within a degree of a pole, where there is no usable east.
+            ValueError: a value is NaN or infinite, or within a degree of a pole, where there is no usable east.
         """
         if not all(math.isfinite(value) for value in (self.lat_deg, self.lon_deg, self.alt_m)):
             raise ValueError("a depot needs finite lat_deg, lon_deg and alt_m")
@@ -95,14 +95,14 @@ class LocalFrame:
         return np.column_stack((lat, [wrap_lon_deg(value) for value in np.asarray(lon).tolist()])).astype(np.float64)
 
     def up_m(self, alt_m: float) -> float:
-        """Return the height over the depot of a height above mean sea level."""
+        """Return the height over the depot, given the height above mean sea level."""
         return alt_m - self.alt_m
 
 
 def grid_offsets_to_wgs84_deg(frame: LocalFrame, offsets_m: FloatArray, crs: str) -> FloatArray:
-    """Return ``(n, 2)`` latitude and longitude of offsets counted in the metres of a map grid from the depot.
+    """Return ``(n, 2)`` latitude and longitude of offsets from the depot in the metres of a map grid.
 
-    Grid metres differ from metres on the ground by the grid's scale and are turned by its convergence: up to 0.04 %
+    Grid metres differ from metres on the ground by the grid's scale and are rotated by its convergence: up to 0.04 %
     and 1 to 2 degrees in a UTM zone.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Distances between places and straight legs, and between legs.
+"""Compute distances between places and straight legs, and between legs.
 
-Arrays hold metres: places (m, d), legs (n, 2, d) from begin to end, with d = 2 over the ground or d = 3 in space. A leg
-without length is a place.
+Arrays hold metres: places (m, d), legs (n, 2, d) from begin to end, with d = 2 for horizontal or d = 3 for spatial
+distances. A leg without length is a place.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from missions.geo import BoolArray, FloatArray, IndexArray
 SHORTEST_M2 = 1e-12
 """Squared length below which a leg is a place."""
 MOST_PAIRS = 300_000
-"""Pairs computed at once: fast, and small in memory."""
+"""Pairs computed at once: fast, with little memory."""
 
 
 def find_nearest_on_legs(
     places_m: FloatArray, begins_m: FloatArray, along_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (m, n) distances of places from legs, and where on each leg that is, as a share of it from 0 to 1.
+    """Return (m, n) distances of places from legs, and the nearest position on each leg as a share from 0 to 1.
 
     Args:
         places_m: (m, d).
         begins_m: (n, d), where the legs begin.
-        along_m: (n, d), from there to where they end.
+        along_m: (n, d), vectors from there to their ends.
     """
     return find_nearest_along(places_m[:, np.newaxis] - begins_m, along_m)
 
 
 def find_nearest_along(offsets_m: FloatArray, along_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distances of places from legs, and where on each leg that is, as a share of it from 0 to 1.
+    """Return distances of places from legs, and the nearest position on each leg as a share from 0 to 1.
 
     Args:
-        offsets_m: (..., d) from where the legs begin to the places.
-        along_m: (..., d) from there to where they end.
+        offsets_m: (..., d) vectors from the legs' begins to the places.
+        along_m: (..., d) vectors from there to the legs' ends.
     """
     square = np.maximum((along_m**2).sum(axis=-1), SHORTEST_M2)
     share = np.clip((offsets_m * along_m).sum(axis=-1) / square, 0.0, 1.0)
@@ -48,11 +48,11 @@ def find_nearest_along(offsets_m: FloatArray, along_m: FloatArray) -> tuple[Floa
 
 
 def pair_with_ranges(firsts: IndexArray, lasts: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Yield each row's number beside every place of its range in order, `MOST_PAIRS` or a row at a time.
+    """Yield each row's number paired with every index of its range in order, `MOST_PAIRS` or a row at a time.
 
     Args:
-        firsts: (n,) where the range of each row begins.
-        lasts: (n,) behind where it ends.
+        firsts: (n,) first index of each row's range.
+        lasts: (n,) end of each range, exclusive.
     """
     counts = np.maximum(lasts - firsts, 0)
     ends = np.cumsum(counts)
@@ -67,13 +67,13 @@ def pair_with_ranges(firsts: IndexArray, lasts: IndexArray) -> Iterator[tuple[In
 
 
 def distances_between_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
-    """Return (m, n) float64: the distances of (m, 2) places from (n, 2) others."""
+    """Return (m, n) float64 distances of (m, 2) places from (n, 2) others."""
     off_m = places_m[:, np.newaxis] - others_m
     return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))
 
 
 def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
-    """Return (m, n) float64: the distances of (m, d) places from (n, 2, d) legs."""
+    """Return (m, n) float64 distances of (m, d) places from (n, 2, d) legs."""
     return find_nearest_on_legs(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
 
 
@@ -85,19 +85,19 @@ def sample_leg(leg_m: FloatArray, step_m: float) -> FloatArray:
 
 
 def distances_from_chord_m(places_m: FloatArray) -> FloatArray:
-    """Return (m - 2,) how far all (m, d) places between the first and the last are from the leg between these."""
+    """Return (m - 2,) distances of the inner of (m, d) places from the leg between the first and the last."""
     return place_distances_m(places_m[np.newaxis, [0, -1]], places_m[1:-1])[:, 0]
 
 
 def find_bends(
     places_m: FloatArray, within_m: float, measure: Callable[[FloatArray], FloatArray] = distances_from_chord_m
 ) -> list[int]:
-    """Return which of the places between the first and the last a drawn line bends at, by more than a distance.
+    """Return the indices of the inner places at which a drawn line bends by more than a distance.
 
     Args:
         places_m: (m, ...) along the line.
         within_m: The distance.
-        measure: How far the inner ones of some of them are from what leads straight from the first to the last.
+        measure: Returns the distances of the inner places of a part from the straight line between its ends.
     """
     kept: list[int] = []
     open_: list[tuple[int, int]] = [(0, len(places_m) - 1)]
@@ -114,9 +114,9 @@ def find_bends(
 
 
 def leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
-    """Return (m, n) float64: least distances between (m, 2, d) and (n, 2, d) legs.
+    """Return (m, n) float64 least distances between (m, 2, d) and (n, 2, d) legs.
 
-    The least is at an end of one of the legs, or where the common perpendicular meets both inside.
+    The minimum is at an end of one of the legs, or where the common perpendicular meets both inside.
     """
     shape = len(legs_a), len(legs_b), legs_a.shape[2]
     candidates = [
@@ -140,7 +140,7 @@ def leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
 
 
 def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int, tuple[float, float]]]:
-    """Yield pairs of (n, 2, 2) legs that cross between their ends, and where; nodes (n, 2) tell who shares an end."""
+    """Yield pairs of (n, 2, 2) legs that cross between their ends, and where; nodes (n, 2) identify shared ends."""
     if not len(ends_m):
         return
     lows, highs, along = ends_m.min(axis=1), ends_m.max(axis=1), ends_m[:, 1] - ends_m[:, 0]
@@ -165,13 +165,14 @@ def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int,
 
 
 def wall_distances_m(bottoms_m: FloatArray, heights_m: FloatArray, legs_m: FloatArray) -> FloatArray:
-    """Return (m, n) float64: least distances between m walls and (n, 2, 3) legs.
+    """Return (m, n) float64 least distances between m walls and (n, 2, 3) legs.
 
-    The least is at an edge of the wall, at an end of the leg beside the wall's face, or the leg goes through that.
+    The minimum is at an edge of the wall, at an end of the leg in front of the wall's face, or the leg crosses the
+    face.
 
     Args:
-        bottoms_m: (m, 2, 3), on what the walls stand.
-        heights_m: (m,), how high they reach over that; one without height or length is a leg.
+        bottoms_m: (m, 2, 3), the walls' bottom edges.
+        heights_m: (m,), their heights above that; a wall without height or length is a leg.
         legs_m: (n, 2, 3).
     """
     tops_m = bottoms_m + np.array([0.0, 0.0, 1.0]) * heights_m[:, np.newaxis, np.newaxis]
@@ -183,7 +184,7 @@ def wall_distances_m(bottoms_m: FloatArray, heights_m: FloatArray, legs_m: Float
     rise_m = (bottoms_m[:, 1, 2] - bottoms_m[:, 0, 2])[:, np.newaxis]
 
     def beside(places_m: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return (m, n) how far (m, n, 3) places are to the left of the walls' faces, and whether they are beside."""
+        """Return (m, n) offsets of (m, n, 3) places to the left of the walls' faces, and whether they face them."""
         off_m = places_m - bottoms_m[:, np.newaxis, 0]
         share = (off_m[..., :2] * along_m[:, np.newaxis]).sum(axis=2) / squares
         left_m = (off_m[..., 1] * along_m[:, :1] - off_m[..., 0] * along_m[:, 1:]) / lengths_m
@@ -204,7 +205,7 @@ def wall_distances_m(bottoms_m: FloatArray, heights_m: FloatArray, legs_m: Float
 def locate_on_leg(
     begin_m: tuple[float, float], end_m: tuple[float, float], place_m: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return in metres how far along a leg a place lies, before and beyond it too, and how far from the leg."""
+    """Return the position of a place along a leg in metres, possibly outside it, and its distance from the leg."""
     length = math.dist(begin_m, end_m)
     if length**2 < SHORTEST_M2:
         return 0.0, math.dist(begin_m, place_m)
@@ -216,12 +217,12 @@ def locate_on_leg(
 
 
 def parallelogram_area_m2(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Return twice the area of a triangle; above 0 where it turns left."""
+    """Return twice the area of a triangle; above 0 if it turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def is_in_triangles(places_m: FloatArray, corners_m: FloatArray) -> BoolArray:
-    """Return (m, n) whether (m, 2) places are in triangles of (n, 3, 2) corners; none is in one without an area."""
+    """Return (m, n) whether (m, 2) places are in triangles of (n, 3, 2) corners; degenerate ones contain none."""
     sides_m = np.roll(corners_m, -1, axis=1) - corners_m
     off_m = places_m[:, np.newaxis, np.newaxis] - corners_m
     left = sides_m[..., 0] * off_m[..., 1] - sides_m[..., 1] * off_m[..., 0]
@@ -230,9 +231,9 @@ def is_in_triangles(places_m: FloatArray, corners_m: FloatArray) -> BoolArray:
 
 
 def is_enclosed(places_m: FloatArray, begins_m: FloatArray, ends_m: FloatArray) -> BoolArray:
-    """Return (m,) whether outlines enclose (m, 2) places: by how many of their (n, 2) sides a line to the east crosses.
+    """Return (m,) whether outlines enclose (m, 2) places, by counting their (n, 2) sides crossed by a ray to the east.
 
-    What holes enclose is not enclosed.
+    Holes are not enclosed.
     """
     north = places_m[:, 1:]
     low, high = begins_m[:, 1] <= north, ends_m[:, 1] <= north
@@ -245,7 +246,7 @@ def is_enclosed(places_m: FloatArray, begins_m: FloatArray, ends_m: FloatArray) 
 def build_convex_hull(ordered: Sequence[tuple[float, float]], least: float = 0.0) -> tuple[tuple[float, float], ...]:
     """Return the corners of the convex hull of sorted places, counter-clockwise (the monotone chain).
 
-    A corner at which the triangle with its neighbours is not larger than the least is left out.
+    A corner whose triangle with its neighbours is not larger than ``least`` is left out.
     """
     if len(ordered) < 3:
         return tuple(ordered)

@@ -16,7 +16,7 @@ Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """How segments are flown; the same figures as the site file's section of this name."""
+    """How segments are flown; the same keys as the site file's section of this name."""
 
     height_m: Size = 15.0
     """Height of the lowest layer above pylon tops if known, else above the depot's ground."""

@@ -1,17 +1,18 @@
-"""Who may inspect at the asked distance, below its own layer, without meeting anybody there whatever the timing.
+"""Choose the vehicles that may inspect below their own layers, at the requested distance, safely at any timing.
 
-A vehicle that comes down to the line has the air between the line and its own layer for itself, along the whole of what
-it inspects there: it comes down at one end, goes up at the other, and its RTL begins with a climb from any place
-between. That air is a wall. Nobody below that layer may cross it, on a mission or straight home, and walls keep away
-from each other; who flies above it is a layer away as ever. So nothing here depends on when anybody flies: a vehicle
-may be late, silent or lost.
+A vehicle that descends to the line reserves the air between the line and its own layer, along everything it inspects
+there: it descends at one end, climbs at the other, and its RTL begins with a climb from any place between. That air is
+a wall. No vehicle of a layer below may cross it, in a mission or on a straight RTL, and walls keep their distance from
+each other; a vehicle above it is at least one layer away. So nothing here depends on timing: a vehicle may be late,
+silent or lost.
 
-Where the layers follow hills, returns are stacked above all layers (`Layers.return_up_m`) and cross no wall.
+Where the layers follow hills, RTL heights are stacked above all layers (`Layers.return_up_m`) and cross no wall.
 
-Where vehicles share pylons it depends on who flies what, in which order and direction, who need stay in its layer:
-routes of which the sum or the longest is about the same differ much in who comes when. So they are rearranged. Where
-two may meet over the line one has the air there, and the other inspects from its layer, unless the first has left
-before it comes: then it is let down on its way. Nothing is promised by that: who is late finds the other still there.
+Where vehicles share pylons, the assignment, order and direction of segments decide which vehicles must stay in their
+layers: routes with about the same sum or maximum differ a lot in when each vehicle passes. So routes are rearranged.
+Where two could meet over the line, one reserves the air there and the other inspects from its layer, unless the first
+has left before it arrives: then it is cleared to descend during the flight. This is not guaranteed: a late vehicle
+finds the other still there.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ from planner import is_reversed, segment_of, visit_of
 
 Routes = Mapping[str, Sequence[int]]
 PathMaker = Callable[..., FlightPath]
-"""`build_flight_path`, or what answers like it."""
+"""Signature of `build_flight_path`."""
 NOBODY: frozenset[str] = frozenset()
 ROUNDING_M = 1e-3
-"""Tolerance; coordinates of waypoints are rounded to less."""
+"""Tolerance; waypoint coordinates are rounded to less."""
 AT_ONCE = 200_000
 """Pairs of legs compared in one step: 50 MB."""
 MOST_VISITS = 300
-"""Most visits of all routes together; more would take longer than a plan may."""
+"""Most visits of all routes together; more would exceed the time for planning."""
 MOST_PRICED = 3000
 MOST_FLOWN = 300
 """Most flight paths tried in all: one to two seconds."""
@@ -54,7 +55,7 @@ Visits = dict[str, tuple[int, ...]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Airway:
-    """What one vehicle may fly: the legs of a mission, or of what is left of it."""
+    """Legs that one vehicle may fly: of a mission, or of its remainder."""
 
     vehicle: str
     legs_m: FloatArray
@@ -66,33 +67,33 @@ class Airway:
 
     @property
     def over_ground_m(self) -> FloatArray:
-        """(n, 2, 2) float64: the legs seen from above."""
+        """(n, 2, 2) float64: horizontal legs."""
         return self.legs_m[:, :, :2]
 
     @property
     def walls_m(self) -> FloatArray:
-        """(n,) float64: how high a leg's wall reaches over it; 0 where it is flown in the vehicle's layer."""
+        """(n,) float64: height of each leg's wall above it; 0 where it is flown in the vehicle's layer."""
         return np.asarray(self.below_m.max(axis=1, initial=0.0))
 
     def to_layer(self) -> Airway:
-        """Return the same flown in the vehicle's layer: as it is on its way home, wherever that began."""
+        """Return the same legs flown in the vehicle's layer, as during RTL from any place."""
         legs_m = self.legs_m.copy()
         legs_m[:, :, 2] += self.below_m
         return replace(self, legs_m=legs_m, below_m=np.zeros_like(self.below_m))
 
     @property
     def has_wall(self) -> BoolArray:
-        """(n,) whether a leg has a wall, or leads between a line and the layer."""
+        """(n,) whether a leg has a wall, or connects a line and the layer."""
         return np.asarray(self.walls_m > 0)
 
 
 def build_airway(setup: FlightSetup, path: FlightPath, first: int = 0) -> Airway:
-    """Return what a vehicle may fly of a path.
+    """Return the legs that a vehicle may fly of a path.
 
     Args:
         setup: Heights and pads.
         path: Its flight.
-        first: The waypoint that it flies to: legs before that are over.
+        first: Index of its current waypoint: earlier legs are complete.
     """
     if first >= len(path.waypoints):
         return Airway(path.vehicle, np.zeros((0, 2, 3)), np.zeros((0, 2)))
@@ -104,13 +105,14 @@ def build_airway(setup: FlightSetup, path: FlightPath, first: int = 0) -> Airway
 def build_first_paths(
     setup: FlightSetup, routes: Routes, stays: Collection[str] = NOBODY, made_by: PathMaker = build_flight_path
 ) -> dict[str, FlightPath]:
-    """Return the whole flight of every vehicle that has something to do.
+    """Return the whole flight of every vehicle with a route.
 
     Args:
         setup: Heights and pads.
-        routes: Visits of the setup's network, by the vehicle's name.
-        stays: Vehicles that inspect in their layers: nobody knows that they leave the line when they are lost.
-        made_by: What makes the path of a vehicle's visits; who tries many routes keeps those that it has made.
+        routes: Visits of the setup's network, by vehicle name.
+        stays: Vehicles that inspect in their layers, because after a link loss nothing ensures that they leave the
+            line.
+        made_by: Builds the path of a vehicle's visits; callers that try many routes pass one with a cache.
     """
     paths = {name: made_by(setup, name, visits) for name, visits in routes.items() if visits}
     if not setup.inspection.same_distance:
@@ -120,7 +122,7 @@ def build_first_paths(
 
 
 def find_low_segments(path: FlightPath, visits: Sequence[int]) -> frozenset[int]:
-    """Return which segments of its visits a path inspects below its vehicle's layer."""
+    """Return the segments of its visits that a path inspects below its vehicle's layer."""
     return frozenset(segment_of(visits[visit]) for visit in _find_low_visits(path))
 
 
@@ -133,7 +135,7 @@ def _find_low_visits(path: FlightPath) -> frozenset[int]:
 
 
 def visit_distances_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> tuple[float, ...]:
-    """Return at which distance a path makes each of its visits; one from too high by what it is too high."""
+    """Return the distance of each of a path's visits, increased by the excess height where it is too high."""
     low, offset_m = _find_low_visits(path), setup.layers.offset_m(path.vehicle)
     return tuple(
         setup.inspection.height_m + (0.0 if number in low else offset_m + _viewpoint_depth_m(setup, segment_of(visit)))
@@ -142,18 +144,18 @@ def visit_distances_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int
 
 
 def segment_distances_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> dict[int, float]:
-    """Return at which distance a path inspects each segment of its visits, the last time if it comes there twice."""
+    """Return the distance at which a path inspects each segment of its visits; the last one if it is visited twice."""
     return dict(zip(map(segment_of, visits), visit_distances_m(setup, path, visits), strict=True))
 
 
 def _viewpoint_depth_m(setup: FlightSetup, segment: int) -> float:
-    """Return how far below the common surface the lowest viewpoint of a pylon lies; 0 for a span."""
+    """Return the depth below the common surface of a pylon's lowest viewpoint; 0 for a span."""
     look = setup.looks.pylons.get(segment)
     return 0.0 if look is None else look.deepest_m
 
 
 def must_leave_layer(setup: FlightSetup, vehicle: str, segment: int) -> bool:
-    """Return whether a vehicle has to leave its layer to inspect a segment as asked."""
+    """Return whether a vehicle must leave its layer to inspect a segment as requested."""
     return setup.layers.offset_m(vehicle) + _viewpoint_depth_m(setup, segment) > 0
 
 
@@ -164,17 +166,19 @@ def select_low_segments(
     stays: Collection[str] = NOBODY,
     begins_m: Mapping[str, tuple[float, float]] | None = None,
 ) -> dict[str, frozenset[int]]:
-    """Return which segments of its route each vehicle may inspect below its layer.
+    """Return the segments of its route that each vehicle may inspect below its layer.
 
-    The lowest layer is at the asked height itself: who has it needs none, but to viewpoints below it. Of what is
-    inspected in one go it is one stretch, the longest: so nobody goes up and down more often than it is priced with.
+    The lowest layer is at the requested height itself: its vehicle needs to descend only to viewpoints below it. Of
+    each continuous inspection only the longest free stretch is used, so that no vehicle climbs and descends more often
+    than priced.
 
     Args:
         setup: Heights and pads.
-        routes: New visits, by the vehicle's name.
-        taken: All that anybody may fly: the new routes in their layers, and what was on board before, or still is.
+        routes: New visits, by vehicle name.
+        taken: Everything that any vehicle may fly: the new routes in their layers, and previous missions, possibly
+            still on board.
         stays: Vehicles that inspect in their layers.
-        begins_m: Where vehicles are below their layer when their route begins, east and north, by name.
+        begins_m: By name: east and north of vehicles that are below their layer when their route begins.
     """
     order = setup.layers.vehicles
     radius_m = column_radius_m(setup.inspection.layer_m)
@@ -198,7 +202,7 @@ def select_low_segments(
 
 
 def inspection_ways_m(setup: FlightSetup, segment: int) -> FloatArray:
-    """Return (n, 2, 2) where a segment is inspected, seen from above: its track, or from viewpoint to viewpoint."""
+    """Return (n, 2, 2) horizontal legs of a segment's inspection: its track, or from viewpoint to viewpoint."""
     look = setup.looks.pylons.get(segment)
     if look is None:
         return setup.tracks_m[[segment]]
@@ -207,11 +211,11 @@ def inspection_ways_m(setup: FlightSetup, segment: int) -> FloatArray:
 
 
 def check_inspection_airspace(setup: FlightSetup, taken: Sequence[Airway]) -> list[str]:
-    """Return in words who comes too near to the air in which another goes down to the line; empty if nobody does.
+    """Return messages on vehicles too near to the air in which another descends to the line; empty if there are none.
 
     Args:
         setup: Heights and pads.
-        taken: All that anybody may fly. Legs of one vehicle do not meet each other.
+        taken: Everything that any vehicle may fly. Legs of one vehicle are not checked against each other.
     """
     keep_m = setup.inspection.layer_m - ROUNDING_M
     found = []
@@ -228,7 +232,7 @@ def check_inspection_airspace(setup: FlightSetup, taken: Sequence[Airway]) -> li
 
 
 def build_wall_obstacles(setup: FlightSetup, vehicle: str, taken: Sequence[Airway]) -> tuple[Obstacle, ...]:
-    """Return what a vehicle's ways lead around: the walls, among what others may fly, that reach above its layer."""
+    """Return the obstacles for a vehicle's paths: those of the other vehicles' walls that reach above its layer."""
     order, radius_m = setup.layers.vehicles, column_radius_m(setup.inspection.layer_m)
     found: dict[tuple[tuple[float, float], ...], None] = {}
     for one in taken:
@@ -239,18 +243,18 @@ def build_wall_obstacles(setup: FlightSetup, vehicle: str, taken: Sequence[Airwa
 
 
 class OccupiedAirspace:
-    """The air that is not free for a vehicle which comes down to the line."""
+    """The air that is not free for a vehicle that descends to the line."""
 
     def __init__(self, setup: FlightSetup, taken: Sequence[Airway]) -> None:
         self._setup, self._taken = setup, taken
         self._new_walls: list[tuple[str, FloatArray]] = []
 
     def add_walls(self, vehicle: str, tracks_m: FloatArray) -> None:
-        """Take note of new walls."""
+        """Add new walls."""
         self._new_walls.append((vehicle, tracks_m))
 
     def find_closed_tracks(self, vehicle: str, tracks_m: FloatArray, radius_m: float) -> BoolArray:
-        """Return (n,) which of (n, 2, 2) tracks a vehicle must not come down to."""
+        """Return (n,) whether a vehicle must not descend to each of (n, 2, 2) tracks."""
         layers, met = self._setup.layers, np.zeros(len(tracks_m), dtype=np.bool_)
         pads_m = {
             pad.vehicle: np.array([pad.east_m, pad.north_m]) for pad in self._setup.pads if pad.vehicle != vehicle
@@ -270,7 +274,7 @@ class OccupiedAirspace:
 
 
 def find_near_tracks(tracks_m: FloatArray, legs_m: FloatArray, radius_m: float) -> BoolArray:
-    """Return (n,) which of (n, 2, 2) tracks come nearer than a radius to any of (m, 2, 2) legs, seen from above."""
+    """Return (n,) whether (n, 2, 2) tracks come within a radius of any of (m, 2, 2) legs, horizontally."""
     met = np.zeros(len(tracks_m), dtype=np.bool_)
     if not len(tracks_m) or not len(legs_m):
         return met
@@ -283,7 +287,7 @@ def find_near_tracks(tracks_m: FloatArray, legs_m: FloatArray, radius_m: float) 
 
 
 def find_tracks_near_returns(tracks_m: FloatArray, legs_m: FloatArray, pad_m: FloatArray, radius_m: float) -> BoolArray:
-    """Return (n,) which of (n, 2, 2) tracks a straight way home from anywhere on (m, 2, 2) legs comes too near to."""
+    """Return (n,) whether a straight RTL from anywhere on (m, 2, 2) legs comes too near to (n, 2, 2) tracks."""
     met = np.zeros(len(tracks_m), dtype=np.bool_)
     pads_m = np.broadcast_to(pad_m, (len(legs_m), 2))
     for end in (0, 1):
@@ -293,11 +297,11 @@ def find_tracks_near_returns(tracks_m: FloatArray, legs_m: FloatArray, pad_m: Fl
 
 
 def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, str]:
-    """Return how near another vehicle comes to a vehicle's walls, and on which of its ways."""
+    """Return how near another vehicle comes to a vehicle's walls, and on which kind of leg."""
     walls = owner.has_wall
     bottoms_m, tops_m = owner.legs_m[walls], owner.walls_m[walls]
     upright = np.hypot(*(bottoms_m[:, 1, :2] - bottoms_m[:, 0, :2]).T) < SAME_PLACE_M
-    # A way up or down is all of its wall itself.
+    # A climb or descent is itself its whole wall.
     least = (math.inf, "")
     if len(other.legs_m):
         apart_m = wall_distances_m(bottoms_m, np.where(upright, 0.0, tops_m), other.legs_m).min()
@@ -319,12 +323,12 @@ def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tu
 def _find_free_stretches(
     setup: FlightSetup, visits: Sequence[int], free: BoolArray, begin_m: tuple[float, float] | None
 ) -> list[int]:
-    """Return of what is inspected in one go the longest free stretch of each, as positions among the visits."""
+    """Return the longest free stretch of each continuous inspection, as positions among the visits."""
     lengths_m = setup.network.lengths_m
     chosen: list[int] = []
     for chain, follows in _iterate_chains(setup, visits, begin_m):
         runs = [list(run) for is_free, run in itertools.groupby(chain, lambda number: bool(free[number])) if is_free]
-        if follows:  # it is down already: what is not the beginning would be one way up and down more
+        if follows:  # already below: a stretch not at the beginning would add a climb and a descent
             runs = [run for run in runs if run[0] == chain[0]]
         if runs:
             chosen += max(runs, key=lambda run: sum(lengths_m[segment_of(visits[number])] for number in run))
@@ -334,9 +338,9 @@ def _find_free_stretches(
 def _iterate_chains(
     setup: FlightSetup, visits: Sequence[int], begin_m: tuple[float, float] | None
 ) -> Iterator[tuple[list[int], bool]]:
-    """Yield what is inspected in one go, and whether that goes on from where the vehicle is down already.
+    """Yield each continuous inspection, and whether it starts with the vehicle already below its layer.
 
-    A pylon is always begun, and left, from the layer.
+    A pylon inspection always begins and ends in the layer.
     """
     chain: list[int] = []
     follows, here_m = False, begin_m
@@ -368,18 +372,18 @@ def rearrange_routes(
     cost_of: Callable[[Routes], float],
     may: Callable[[Routes], bool],
 ) -> dict[str, tuple[int, ...]]:
-    """Return routes by which less is inspected from layers.
+    """Return routes with fewer inspections from layers.
 
-    Routes are turned around and exchanged, and what would be inspected from a layer is flown at another time or by
-    another vehicle: one change after another, each time the cheapest one by which less is inspected from layers.
+    Routes are reversed and exchanged, and segments inspected from a layer are moved to another time or another vehicle:
+    one change at a time, always the cheapest one that reduces the inspections from layers.
 
     Args:
         setup: Heights and pads.
-        routes: Visits of the setup's network, by the vehicle's name.
-        models: How each of them flies.
-        ahead_s: How long before it begins a part of the line a vehicle must be let down to it.
-        cost_of: What routes cost; infinity for those that are too dear, or that nobody can fly.
-        may: Whether routes that cost little enough are as good in everything else.
+        routes: Visits of the setup's network, by vehicle name.
+        models: Their flight models.
+        ahead_s: How long before a part of the line begins a vehicle must be cleared to descend.
+        cost_of: Returns the cost of routes; infinity for those that cost too much, or that no vehicle can fly.
+        may: Returns whether routes of acceptable cost are as good in every other respect.
     """
     best = {name: tuple(visits) for name, visits in routes.items()}
     if sum(map(len, best.values())) > MOST_VISITS:
@@ -404,7 +408,7 @@ def rearrange_routes(
 
 
 def _iterate_neighbours(routes: Visits, high: list[Visit]) -> Iterator[Visits]:
-    """Yield routes that differ by one change; nobody who flies stays on the ground then."""
+    """Yield routes that differ by one change; each vehicle with a route keeps at least one visit."""
     for name, visits in routes.items():
         if visits:
             yield {**routes, name: _reverse_visits(visits)}
@@ -418,7 +422,7 @@ def _iterate_neighbours(routes: Visits, high: list[Visit]) -> Iterator[Visits]:
 
 
 def _iterate_moved_visit(routes: Visits, name: str, position: int) -> Iterator[Visits]:
-    """Yield routes in which one visit stands at another place."""
+    """Yield routes in which one visit is moved."""
     visits, moved = routes[name], routes[name][position : position + 1]
     left = (*visits[:position], *visits[position + 1 :])
     for other, theirs in routes.items():
@@ -438,14 +442,14 @@ def _reverse_visits(visits: tuple[int, ...]) -> tuple[int, ...]:
 
 
 class RouteTimetable:
-    """When routes come where, if everybody flies as planned; what was reckoned for one stays for the next."""
+    """Times at which routes reach each place if all vehicles fly as planned; results are cached."""
 
     def __init__(self, setup: FlightSetup, models: Mapping[str, FlightModel], ahead_s: float) -> None:
         self._setup, self._models, self._ahead_s = setup, models, ahead_s
         self._build_path, self._leg_ends_s = cache(build_flight_path), cache(self._estimate_leg_ends_s)
 
     def find_layer_visits(self, routes: Routes) -> list[Visit]:
-        """Return what is inspected from layers."""
+        """Return the visits inspected from layers."""
         paths = build_first_paths(self._setup, routes, made_by=self._build_path)
         ends_s = {name: self._leg_ends_s(path) for name, path in paths.items()}
         high = []
@@ -454,7 +458,7 @@ class RouteTimetable:
             for number, segment in enumerate(map(segment_of, routes[name])):
                 if segment in low or not must_leave_layer(self._setup, name, segment):
                     continue
-                # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
+                # A waypoint in progress is not replaced: the first part of a route is flown as uploaded.
                 before = [at for at, point in enumerate(path.waypoints) if point.visit == number - 1]
                 at_s = ends_s[name][before[-1]] - self._ahead_s if number else 0.0
                 if number == 0 or _is_closed(self._setup, name, segment, paths, ends_s, at_s):
@@ -470,7 +474,7 @@ def _is_closed(
     setup: FlightSetup, name: str, segment: int, paths: Mapping[str, FlightPath], ends_s: Mapping[str, FloatArray],
     at_s: float,
 ) -> bool:  # fmt: skip
-    """Return whether anybody may still be where a vehicle would come down to a segment, from a time on."""
+    """Return whether a vehicle may still be where another would descend to a segment, from a time on."""
     left = [
         build_airway(setup, path, int(np.searchsorted(ends_s[other], at_s)))
         for other, path in paths.items()

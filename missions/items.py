@@ -1,6 +1,6 @@
-"""Mission items exactly as they are on the wire (MISSION_ITEM_INT), as plain data.
+"""Define mission items exactly as on the wire (MISSION_ITEM_INT), as plain data.
 
-Only the frames and commands that faultline uses are named here; a test holds the numbers against pymavlink's.
+Only the frames and commands that faultline uses are listed; a test checks the numbers against pymavlink's.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PLAIN_FRAMES: dict[int, int] = {
 
 
 class MissionKind(IntEnum):
-    """MAV_MISSION_TYPE: the three lists that a vehicle keeps, each with a transfer of its own."""
+    """MAV_MISSION_TYPE: the three lists on a vehicle, each with its own transfer."""
 
     MISSION = 0
     FENCE = 1
@@ -38,7 +38,7 @@ class MissionKind(IntEnum):
 
 
 class PlaceCommand(IntEnum):
-    """MAV_CMD of the items of fences and rally points."""
+    """MAV_CMD of fence and rally point items."""
 
     FENCE_RETURN_POINT = 5000
     INCLUSION_VERTEX = 5001
@@ -79,7 +79,7 @@ PAYLOAD = frozenset({
 
 @dataclass(frozen=True, slots=True)
 class MissionItem:
-    """One item; ``param1`` to ``param4``, ``x``, ``y`` and ``z`` mean what the command says."""
+    """One item; ``param1`` to ``param4``, ``x``, ``y`` and ``z`` depend on the command."""
 
     seq: int
     frame: int
@@ -102,9 +102,9 @@ _CHECKED = struct.Struct("<BHB4fiif")
 
 
 def compute_list_checksum(items: Iterable[MissionItem]) -> int:
-    """Return the checksum that PX4 says of a list, a CRC32 of all of every item but `current`.
+    """Return PX4's checksum of a list: a CRC32 of all fields of every item except `current`.
 
-    Nothing is inverted before and after it, as in other CRC32s (crc32.c of NuttX); measured on v1.17.0.
+    Unlike other CRC32s, it is not inverted before or after (crc32.c of NuttX); measured on v1.17.0.
     """
     crc = 0
     for item in items:

@@ -33,7 +33,7 @@ HEIGHT_KEEPING_M = 1.0
 
 
 class HeightReference(Enum):
-    """What the inspection height is counted from; the value is for printing."""
+    """Reference of the inspection height; the value is for display."""
 
     PYLON_TOPS = "the pylon tops"
     DEPOT_GROUND = "the depot's ground"
@@ -41,18 +41,18 @@ class HeightReference(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layers:
-    """A height for every vehicle over every place: a common surface, and a fixed step up for each next vehicle.
+    """Heights of every vehicle over every place: a common surface, and a fixed step up for each next vehicle.
 
-    Everything that moves over the ground, transit, inspection and return alike, is flown at these heights, so two
-    vehicles over the same place are one or more steps apart.
+    All flight over the ground, transit, inspection and return, uses these heights, so two vehicles over the same place
+    are one or more steps apart.
     """
 
     vehicles: tuple[str, ...]
-    """From the lowest layer to the highest."""
+    """Names, from the lowest layer to the highest."""
     layer_m: float
     """Least distance between any two vehicles."""
     spacing_m: float
-    """The step between neighbouring layers: ``layer_m`` and what slopes, crossing lines and autopilots take."""
+    """Step between neighbouring layers: ``layer_m`` plus allowances for slopes, crossing lines and autopilots."""
     tolerance_m: float
     """Deviation of transits from their surface."""
     reference: HeightReference
@@ -68,7 +68,7 @@ class Layers:
     """(p,) float64: increase of each pylon's passing height because of nearby ground; empty without terrain data."""
 
     def offset_m(self, vehicle: str) -> float:
-        """Return how far above the lowest layer a vehicle flies.
+        """Return a vehicle's height above the lowest layer.
 
         Raises:
             SafetyError: the vehicle has no layer.
@@ -78,29 +78,29 @@ class Layers:
         return self.vehicles.index(vehicle) * self.spacing_m
 
     def height_m(self, vehicle: str, east_m: float, north_m: float) -> float:
-        """Return a vehicle's flight height over a place, counted from the depot's ground."""
+        """Return a vehicle's flight height over a place, above the depot's ground."""
         return self.surface.height_m(east_m, north_m) + self.offset_m(vehicle)
 
     @property
     def returns_in_layers(self) -> bool:
-        """Whether vehicles come home by themselves in their own layers, and not above all of them."""
+        """Whether RTL is flown in the vehicles' own layers, and not above all of them."""
         relief_m = float(self.track_heights_m.max()) - float(self.track_heights_m.min())
         return self.surface.floor is None and relief_m <= FLAT_M
 
     def return_up_m(self, vehicle: str) -> float:
-        """Return the height over the depot's ground at which a vehicle comes home by itself, straight and level.
+        """Return a vehicle's RTL height over the depot's ground; RTL is straight and level.
 
         Over flat ground that is its own layer. Where the layers rise and fall with the ground, a level flight would
-        cross those of others. The highest vehicle has nobody above it: it comes home at the top of its own layer. The
-        others are stacked over that, the lowest on top, as near to each other as level flights may be: any other order
-        makes the stack higher, and it must stay below the ceiling.
+        cross other vehicles' layers. The highest vehicle has none above it: it returns at the top of its own layer. The
+        others are stacked above that, the lowest on top, at the smallest spacing allowed for level flights: any other
+        order makes the stack higher, and it must stay below the ceiling.
 
         Raises:
             SafetyError: the vehicle has no layer.
         """
         highest_m, offset_m = float(self.track_heights_m.max()), self.offset_m(vehicle)
         if self.surface.floor is not None:
-            # Over every ridge between the lines and the pads, as all other flights are.
+            # Above every ridge between the lines and the pads, like all other flights.
             highest_m = max(highest_m, float(self.surface.floor.heights_m.max()))
         elif self.returns_in_layers:
             return highest_m + offset_m
@@ -132,13 +132,13 @@ def plan_layers(
     """Return the layers of a fleet over a network.
 
     Args:
-        network: If ground and structure height of all its pylons are known, heights count from the pylon tops,
-            otherwise from the depot's ground.
+        network: If ground and structure height of all its pylons are known, heights refer to the pylon tops, otherwise
+            to the depot's ground.
         vehicles: Names, from the lowest layer to the highest.
         inspection: Heights and distances.
-        terrain: The ground that a raster knows; without it only that of the pylons is known.
-        turns_m: (m, 2) float64 over such ground: where legs begin, end or turn beside the lines, at pads and at the
-            corners of what is flown around.
+        terrain: The ground covered by a raster; without it only that of the pylons is known.
+        turns_m: (m, 2) float64, with terrain only: places where legs begin, end or turn off the lines, at pads and at
+            the corners of obstacles.
 
     Raises:
         ElevationError: a part of the ground is not known.

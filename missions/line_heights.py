@@ -1,11 +1,12 @@
-"""Check which heights of a line are known and plausible; unknown ones are not flown over.
+"""Check which heights of a line are known and plausible; lines with unknown heights are not flown over.
 
 Heights are known when every pylon has both ``elevation_m``, the ground at its foot above mean sea level, and
-``height_m``, the structure's own. Where none are, the ground must be claimed to be as high as the depot's everywhere,
-by the site or by the file's format; then flights are counted from there. Anything between is an error that names the
+``height_m``, the structure's own. Where no pylon has them, the ground must be asserted to be level with the depot, by
+the site or by the file's format; flight heights then refer to the depot. Anything between is an error that names the
 pylons: one pylon without a height would put the others' flights 15 m over the depot's ground.
 
-Where a raster knows the ground, it gives the pylons' ground that the file does not say, and contradicts what is wrong.
+Where a raster covers the ground, it supplies missing ground heights of pylons, and is checked against those in the
+file.
 """
 
 from __future__ import annotations
@@ -56,13 +57,13 @@ ALL_FROM = 3
 
 
 def with_heights(network: Network, *, flat: bool) -> Network:
-    """Return the network with heights that can be flown by: known of all its pylons, or of none over flat ground.
+    """Return the network with usable heights: known for all its pylons, or for none over flat ground.
 
-    Over ground that is claimed to be flat, by the caller or by the network's format, a pylon's elevation is the
-    depot's; structure heights are still of all pylons or of none. Doing it twice changes nothing.
+    Over ground asserted to be flat, by the caller or by the network's format, a pylon's elevation is the depot's;
+    structure heights are still known for all pylons or for none. The function is idempotent.
 
     Raises:
-        NetworkError: some heights are missing, or what is known contradicts the claim.
+        NetworkError: some heights are missing, or known ones contradict the assertion.
     """
     if flat or network.flat:
         return _apply_flat_ground(network)
@@ -78,15 +79,15 @@ def with_heights(network: Network, *, flat: bool) -> Network:
 
 
 def check_line_heights(network: Network, *, tallest_m: float | None = None) -> list[str]:
-    """Check that a line can have the heights that its file says, and return in words what is worth a look.
+    """Check that a line's heights from its file are plausible, and return findings.
 
     Args:
-        network: As ``with_heights`` returns it.
-        tallest_m: The tallest structure, where the site says that a line of giants is no mistake.
+        network: As returned by ``with_heights``.
+        tallest_m: Height of the tallest structure, if the site confirms very tall pylons.
 
     Raises:
-        NetworkError: feet, a zero for 'unknown', a height above sea level for one over ground: one line with the
-            pylon's name.
+        NetworkError: heights are in feet, zero for unknown, or above sea level instead of above ground: one line with
+            the pylon's name.
     """
     _check_structures(network, tallest_m)
     found: list[str] = []
@@ -161,7 +162,7 @@ def _check_structures(network: Network, tallest_m: float | None) -> None:
 
 
 def _check_ground(network: Network) -> None:
-    # With known heights there is no elevation that is None; the zero is for the type.
+    # With known heights no elevation is None; the zero is for the type checker.
     elevations_m = [pylon.elevation_m or 0.0 for pylon in network.pylons]
     if not any(elevations_m):
         raise NetworkError(
@@ -171,7 +172,7 @@ def _check_ground(network: Network) -> None:
     for index, rises in _iterate_rises(network, elevations_m):
         worst_m, other = max(((abs(rise_m) - STEEPEST * away_m, other) for rise_m, away_m, other in rises))
         deepest = all(rise_m < -SLACK_M - PIT * away_m for rise_m, away_m, _ in rises) and len(rises) > 1
-        # A zero is what many programs write for 'not known'.
+        # Many programs write zero for unknown.
         zero = elevations_m[index] == 0.0 and all(abs(rise_m) > SLACK_M for rise_m, _, _ in rises)
         if worst_m > SLACK_M or deepest or zero:
             raise _build_outlier_error(network, elevations_m, index, other)
@@ -180,17 +181,17 @@ def _check_ground(network: Network) -> None:
 def _iterate_rises(
     network: Network, elevations_m: Sequence[float]
 ) -> Iterator[tuple[int, list[tuple[float, float, int]]]]:
-    """Yield each pylon with its neighbours on the line: by how much it lies over each, how far away, and who."""
+    """Yield each pylon with its neighbours on the line: its height over each, the distance, and the neighbour."""
     beside: dict[int, list[tuple[float, float, int]]] = {}
     for segment, length_m in zip(network.segments, network.lengths_m.tolist(), strict=True):
         for one, other in ((segment.a, segment.b), (segment.b, segment.a)):
             beside.setdefault(one, []).append((elevations_m[one] - elevations_m[other], length_m, other))
-    # Zeros first: of a zero and its neighbours it is the zero that is wrong.
+    # Zeros first: of a zero and its neighbours, the zero is wrong.
     yield from sorted(beside.items(), key=lambda item: (elevations_m[item[0]] != 0.0, item[0]))
 
 
 def _build_outlier_error(network: Network, elevations_m: Sequence[float], index: int, other: int) -> NetworkError:
-    # Of two neighbours that do not go together the one that is farther from all others' is the one to look at.
+    # Of two inconsistent neighbours, the one farther from all others' median is the suspect.
     middle_m = median(elevations_m)
     named, beside = sorted((index, other), key=lambda pylon: -abs(elevations_m[pylon] - middle_m))
     return NetworkError(
@@ -228,7 +229,7 @@ def _check_third_coordinates(network: Network) -> None:
             )
     if network.flat and known:
         (low, low_m), (high, high_m) = min(known, key=lambda pair: pair[1]), max(known, key=lambda pair: pair[1])
-        # Wires and tops differ by a structure; more than that is ground that rises.
+        # Wires and tops differ by a structure's height; more than that is rising ground.
         if high_m - low_m > TALL_M:
             raise NetworkError(
                 f"{network.source}: third coordinates: expected none that contradict {CLAIM}, got {low_m:g} at pylon "
@@ -237,15 +238,15 @@ def _check_third_coordinates(network: Network) -> None:
 
 
 def add_ground_heights(network: Network, elevation: Elevation, *, depot_known: bool) -> tuple[Network, tuple[str, ...]]:
-    """Return a network whose pylons all have a ground: their file's, else the raster's; and what is worth a look.
+    """Return a network with ground heights for all pylons: their file's, else the raster's; and findings.
 
     Args:
-        network: As it was read.
+        network: As read.
         elevation: The raster.
-        depot_known: Whether the height of its depot is known; else it is the raster's.
+        depot_known: Whether the height of its depot is known; else it is taken from the raster.
 
     Raises:
-        ElevationError: the raster does not know the ground of a pylon, or of the depot.
+        ElevationError: the raster does not cover a pylon, or the depot.
         NetworkError: its heights contradict the raster's: one line with the pylon's name.
     """
     places_m = np.concatenate((network.positions_m, np.zeros((1, 2))))
@@ -278,7 +279,7 @@ def add_ground_heights(network: Network, elevation: Elevation, *, depot_known: b
 
 
 def add_structure_heights(network: Network, pylon_height_m: float | None) -> Network:
-    """Return a network whose pylons have the height that somebody says of all that have none in the file."""
+    """Return a network whose pylons without a height in the file get the given one."""
     if pylon_height_m is None:
         return network
     pylons = tuple(
@@ -298,10 +299,10 @@ def _odd_error_m(elevation: Elevation) -> float:
 def _compare_elevations(
     network: Network, elevation: Elevation, ground_m: FloatArray, allowed_m: FloatArray
 ) -> list[str]:
-    """Return in words how known elevations and the raster differ.
+    """Return messages on how known elevations and the raster differ.
 
     Raises:
-        NetworkError: all of them do, or one by so much that one of the two is wrong.
+        NetworkError: all of them differ, or one differs enough that one of the two is wrong.
     """
     known = [(index, pylon, pylon.elevation_m) for index, pylon in enumerate(network.pylons)
              if pylon.elevation_m is not None]  # fmt: skip

@@ -19,14 +19,14 @@ E7_TOLERANCE = 1
 def find_mission_differences(
     sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect
 ) -> tuple[str, ...]:
-    """Return in words how the stored mission differs from the one that was sent; empty if it will fly the same.
+    """Return messages on how the stored mission differs from the one sent; empty if it will fly the same.
 
-    ``current`` is never compared: ArduPilot answers 0 everywhere, PX4 with the item that it is at.
+    ``current`` is never compared: ArduPilot answers 0 everywhere, PX4 with its current item.
 
     Args:
-        sent: In the order of seq.
-        read_back: In the order of seq.
-        dialect: Whose rewriting is allowed: home slot, frames, float32, height steps, a landing's yaw.
+        sent: In order of seq.
+        read_back: In order of seq.
+        dialect: Defines the allowed rewriting: home slot, frames, float32, height steps, a landing's yaw.
     """
     if len(sent) != len(read_back):
         return (f"{len(sent)} items sent, {len(read_back)} read back",)
@@ -38,7 +38,7 @@ def find_mission_differences(
 
 
 def count_common_items(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect) -> int:
-    """Return how many items two missions have in common from their beginning, by the measure of `differences`."""
+    """Return how many leading items two missions have in common, compared as in `find_mission_differences`."""
     count = 0
     for ours, theirs in zip(sent, read_back, strict=False):
         if any(True for _ in _find_item_differences(ours, theirs, dialect)):
@@ -67,7 +67,7 @@ def _find_item_differences(
         "param4": yaw_is_rewritten or _is_same_float32(ours.param4, theirs.param4),
         "x": abs(ours.x - theirs.x) <= E7_TOLERANCE,
         "y": abs(ours.y - theirs.y) <= E7_TOLERANCE,
-        # A stored height may have been cut, not rounded, to its step: one whole step, and float32 about it.
+        # A stored height may have been truncated, not rounded, to its step: allow one whole step, plus float32 error.
         "z": _is_same_float32(ours.z, theirs.z) or abs(ours.z - theirs.z) <= 1.01 * dialect.height_step_m,
     }
     yield from ((key, getattr(ours, key), getattr(theirs, key)) for key, is_same in same.items() if not is_same)
@@ -80,7 +80,7 @@ def _is_same_frame(ours: MissionItem, theirs: MissionItem, dialect: Dialect) -> 
 
 
 def _is_same_float32(a: float, b: float) -> bool:
-    """Return whether two numbers are the same within two steps of float32; NaN is NaN."""
+    """Return whether two numbers are equal within two steps of float32; NaN equals NaN."""
     if math.isnan(a) or math.isnan(b):
         return math.isnan(a) and math.isnan(b)
     return abs(a - b) <= 2.0 * float(np.spacing(np.float32(max(abs(a), abs(b)))))

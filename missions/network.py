@@ -1,4 +1,4 @@
-"""The power line: pylons, and the segments between adjacent ones, validated on construction."""
+"""Model the power line: pylons, and the segments between adjacent ones, validated on construction."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Network:
     source: str = "network"
     """Source, for messages."""
     flat: bool = False
-    """Whether the ground is taken as level with the depot, by the file format or by assertion."""
+    """Whether the ground is assumed level with the depot, by the file format or by assertion."""
     positions_m: FloatArray = field(init=False, repr=False, compare=False)
     """(p, 2) float64: east and north of every pylon."""
     ends_m: FloatArray = field(init=False, repr=False, compare=False)
@@ -67,7 +67,7 @@ class Network:
     """(n,) float64: horizontal length of every segment."""
 
     def __post_init__(self) -> None:
-        """Check everything that the rest of the program relies on.
+        """Check every invariant that the rest of the program relies on.
 
         Raises:
             NetworkError: one line that names the source, the place in it and what was expected.
@@ -78,7 +78,7 @@ class Network:
         object.__setattr__(self, "positions_m", positions_m)
         self._check_distances()
         self._check_segments()
-        # Once: whoever asks for every segment's own would otherwise compute all of them each time.
+        # Computed once: otherwise each access to a segment's own would compute all of them.
         indices = np.array([(segment.a, segment.b) for segment in self.segments], dtype=np.intp)
         ends_m = positions_m[indices]
         object.__setattr__(self, "ends_m", ends_m)
@@ -91,11 +91,11 @@ class Network:
 
     @property
     def has_heights(self) -> bool:
-        """Whether ground and structure height of every pylon are known."""
+        """Whether ground and structure height are known for every pylon."""
         return all(pylon.elevation_m is not None and pylon.height_m is not None for pylon in self.pylons)
 
     def segment_name(self, segment: int) -> str:
-        """Return a segment by what its file calls it; by its number where it has no name."""
+        """Return a segment's name in its file, or its number if it has none."""
         return self.segments[segment].label or f"segment {segment}"
 
     def _check_pylons(self) -> None:
@@ -118,7 +118,7 @@ class Network:
 
     def _check_distances(self) -> None:
         distances_m = np.hypot(self.positions_m[:, 0], self.positions_m[:, 1])
-        # PROJ answers inf for the point opposite to the depot.
+        # PROJ returns inf for the antipode of the depot.
         far = np.flatnonzero(~(distances_m <= MAX_DISTANCE_M))
         if far.size == 0:
             return
@@ -156,13 +156,13 @@ class Network:
 
 
 def check_degrees(place: str, lat_deg: float, lon_deg: float, hint: str) -> None:
-    """Refuse a position that is nowhere on the Earth.
+    """Refuse a position outside the valid range.
 
     Args:
-        place: Whose it is, for messages.
+        place: Owner of the position, for messages.
         lat_deg: Latitude.
         lon_deg: Longitude.
-        hint: What to ask where the other way round would do.
+        hint: Advice if swapped coordinates would be valid.
 
     Raises:
         NetworkError: one line that names the place, the key and what was expected.
@@ -179,8 +179,8 @@ def part_within(
 ) -> tuple[tuple[Pylon, ...], tuple[Segment, ...]]:
     """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot; it may be empty.
 
-    It may be cut out of what is too large for a network. Segments and pylons are numbered anew from 0 in their old
-    order; labels and pylon ids stay.
+    The input may be too large for a network. Segments and pylons are renumbered from 0 in their old order; labels and
+    pylon ids are kept.
     """
     places_m = frame.many_to_local_m(np.array([(one.lat_deg, one.lon_deg) for one in pylons], dtype=np.float64))
     near = np.hypot(places_m[:, 0], places_m[:, 1]) < radius_m

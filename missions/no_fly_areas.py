@@ -1,8 +1,8 @@
 """No-fly areas and height limits, and their outlines.
 
-An area is known by its outlines in local metres. Everything that flies keeps ``keep_m`` from them: what is nearer, over
-the ground, is in the area. Outlines are made fit to be flown around: cut to what is near, with few corners, and none
-that cross themselves.
+An area is defined by its outlines in local metres. All flights keep ``keep_m`` from them: a place that is nearer,
+horizontally, is in the area. Outlines are prepared for path finding: clipped to the vicinity, with few corners, and
+without self-intersections.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ UNKNOWN_GROUND = "beyond the ground that the rasters know"
 SHORTEST_M = 0.01
 """Distance below which corners are merged."""
 LOOKED_UP_TO = 3000
-"""Most corners for which self-intersection is checked; nobody draws more by hand."""
+"""Most corners for which self-intersection is checked; outlines drawn by hand have fewer."""
 
 
 class AreaKind(Enum):
-    """What an area forbids; the value is what site files and plan files call it."""
+    """Kind of restriction; the value is its name in site files and plan files."""
 
     NO_FLY = "no-fly"
     """No flight at any height."""
     CORRIDOR = "corridor"
-    """The same on both sides of a line along which others fly."""
+    """No flight on both sides of a line along which others fly."""
     HEIGHT_LIMIT = "height-limit"
     """No flight above a height."""
 
@@ -65,7 +65,7 @@ class Area:
     """Height limit above mean sea level."""
 
     def __post_init__(self) -> None:
-        """Check what belongs together.
+        """Check that the fields are consistent.
 
         Raises:
             SafetyError: an outline has too few corners, or a limit is missing.
@@ -81,18 +81,18 @@ class Area:
 
     @property
     def is_line(self) -> bool:
-        """Whether what is flown around is a line, with nothing inside."""
+        """Whether the obstacle is a line, with nothing inside."""
         return self.kind is AreaKind.CORRIDOR
 
     @property
     def keep_m(self) -> float:
-        """How far everything keeps from the outlines, or from the middle line."""
+        """Distance that all flights keep from the outlines, or from the centre line."""
         return self.margin_m + self.width_m / 2 + self.eased_m
 
     def polygons_m(self) -> tuple[Ring, ...]:
-        """Return closed polygons that cover the area itself, without margin and without regard to holes.
+        """Return closed polygons that cover the area itself, without its margin and ignoring holes.
 
-        Of a corridor that is one for each of its legs, with round ends.
+        A corridor has one for each of its legs, with round ends.
         """
         if not self.is_line:
             return self.rings_m[:1]
@@ -103,7 +103,7 @@ class Area:
         )
 
     def edges_m(self) -> FloatArray:
-        """Return (e, 2, 2) float64: begin and end of all straight pieces of the outlines, or of the line."""
+        """(e, 2, 2) float64: begin and end of all straight edges of the outlines, or of the line."""
         edges = [
             (ring[index], ring[(index + 1) % len(ring)])
             for ring in self.rings_m
@@ -114,7 +114,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class AreaRestriction:
-    """An area, and who must keep out of it."""
+    """An area, and the vehicles that must keep out of it."""
 
     area: Area
     vehicles: tuple[str, ...]
@@ -136,7 +136,7 @@ class Unreachable:
 
 
 def _build_capsule(begin_m: tuple[float, float], end_m: tuple[float, float], radius_m: float) -> Ring:
-    """Return the polygon about a leg, with sides that touch the round ends from outside."""
+    """Return the polygon around a leg, with sides tangent to the round ends from outside."""
     toward = math.atan2(end_m[1] - begin_m[1], end_m[0] - begin_m[0])
     step, corners = math.pi / END_CORNERS, []
     out_m = radius_m / math.cos(step / 2)
@@ -148,7 +148,7 @@ def _build_capsule(begin_m: tuple[float, float], end_m: tuple[float, float], rad
 
 
 def remove_double_corners(ring: Ring, *, closed: bool) -> Ring:
-    """Return an outline, or a line, without corners that are where the one before is."""
+    """Return an outline, or a line, without consecutive duplicate corners."""
     kept: list[tuple[float, float]] = []
     for corner in ring:
         if not kept or math.dist(kept[-1], corner) > SHORTEST_M:
@@ -159,7 +159,7 @@ def remove_double_corners(ring: Ring, *, closed: bool) -> Ring:
 
 
 def area_inside_m2(ring: Ring) -> float:
-    """Return what an outline encloses."""
+    """Return the area enclosed by an outline."""
     corners = np.array(ring)
     after = np.roll(corners, -1, axis=0)
     return abs(float((corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum())) / 2
@@ -175,7 +175,7 @@ def is_self_crossing(ring: Ring) -> bool:
 
 
 def clip_outline(ring: Ring, low: tuple[float, float], high: tuple[float, float]) -> Ring:
-    """Return what of an outline is in a box (Sutherland, Hodgman); nothing where they do not meet."""
+    """Return the part of an outline in a box (Sutherland, Hodgman); empty where they do not overlap."""
     corners: Sequence[tuple[float, float]] = ring
     for axis, bound, sign in ((0, low[0], 1.0), (0, high[0], -1.0), (1, low[1], 1.0), (1, high[1], -1.0)):
         kept: list[tuple[float, float]] = []
@@ -192,7 +192,7 @@ def clip_outline(ring: Ring, low: tuple[float, float], high: tuple[float, float]
 
 
 def simplify_outline(ring: Ring, tolerance_m: float, *, closed: bool) -> Ring:
-    """Return an outline, or a line, with fewer corners, nowhere farther than a tolerance from it (Douglas, Peucker)."""
+    """Return an outline, or a line, with fewer corners, within a tolerance (Douglas, Peucker)."""
     corners = np.array(ring)
     if tolerance_m <= 0 or len(corners) <= 4:
         return ring

@@ -26,7 +26,7 @@ PAD_SPACING_M = 12.0
 _CORNERS = 12
 # Corners lie outside the circle so that the sides stay 1 % clear of it.
 _CORNER_RADIUS = 1.01 / math.cos(math.pi / _CORNERS)
-# Wide enough for a way between any two columns: twice the corners' radius is 2.09.
+# Wide enough for a path between any two columns: twice the corners' radius is 2.09.
 _SPACING_IN_RADII = 2.2
 
 
@@ -42,7 +42,7 @@ class Pad:
 
 
 def column_radius_m(layer_m: float) -> float:
-    """Return how far others keep from the vertical above a pad."""
+    """Return the distance that other vehicles keep from the vertical above a pad."""
     return layer_m + COLUMN_MARGIN_M
 
 
@@ -57,23 +57,23 @@ def place_pads(
     areas: Sequence[Area] = (),
     bases: Mapping[str, Pad] = MappingProxyType({}),
 ) -> tuple[Pad, ...]:
-    """Choose a pad for each vehicle around its base, as far from every inspection track as the place allows.
+    """Choose a pad for each vehicle around its base, as far from every inspection track as possible.
 
-    Pads are at least ``pad_spacing_m`` apart, and far enough that a way remains between the columns above them; no
-    inspection track crosses a column. They keep to the smallest circle about the base that has room.
+    Pads are at least ``pad_spacing_m`` apart, and far enough for a path between the columns above them; no inspection
+    track crosses a column. They lie in the smallest circle about the base that has room.
 
     Args:
         vehicles: Names in the fleet's order.
         tracks_m: (n, 2, 2) float64, both ends of every inspection leg.
-        layer_m: The distance that any two vehicles must keep.
+        layer_m: Minimum distance between any two vehicles.
         alt_m: The ground's height above mean sea level, at the depot.
-        pad_spacing_m: The least distance of two pads.
-        stated: Pads of some of them, which are where they are; the others keep away from these.
-        areas: That no pad is in.
-        bases: Where those stand, by name, who do not stand at the depot.
+        pad_spacing_m: Minimum distance between two pads.
+        stated: Fixed pads of some vehicles; the others keep their distance from these.
+        areas: Areas without pads.
+        bases: By vehicle name: the base of each vehicle that does not stand at the depot.
 
     Raises:
-        SafetyError: there is no room for those at a base within ``SEARCH_RADIUS_M`` of it.
+        SafetyError: there is no room for all pads of a base within ``SEARCH_RADIUS_M`` of it.
     """
     radius_m = column_radius_m(layer_m)
     spacing_m = max(pad_spacing_m, _SPACING_IN_RADII * radius_m)
@@ -106,23 +106,23 @@ def place_pads(
 
 
 def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radius_m: float) -> FloatArray:
-    """Return (w, 2) corners between two (2,) places on a shortest way that keeps ``radius_m`` from all centres.
+    """Return (w, 2) corners of a shortest path between two (2,) places that keeps ``radius_m`` from all centres.
 
-    Centres nearer to the start or to the goal than that are left out: there is no way around them. If the circles leave
-    no way at all, which pads that were placed here never do, the answer is the straight one.
+    Centres nearer than that to the start or to the goal are ignored: they cannot be avoided. If the circles leave no
+    path at all, which pads placed here never cause, the result is the straight path.
 
     Args:
         start_m: (2,) east and north.
         goal_m: (2,) east and north.
         centres_m: (c, 2) east and north.
-        radius_m: Of the circles.
+        radius_m: Radius of the circles.
     """
     near_m = distances_between_m(centres_m, np.stack((start_m, goal_m))).min(axis=1)
     centres_m = centres_m[near_m >= radius_m]
     way_m = np.zeros((0, 2))
     met = np.zeros(len(centres_m), dtype=np.bool_)
     while True:
-        # A shortest way around some circles that keeps clear of all is a shortest way around all: most are never met.
+        # A shortest path around some circles that stays clear of all is a shortest path around all: most are never met.
         nodes = np.concatenate((start_m[np.newaxis], way_m, goal_m[np.newaxis]))
         legs_m = np.stack((nodes[:-1], nodes[1:]), axis=1)
         hit = (place_distances_m(legs_m, centres_m) < radius_m - 1e-9).any(axis=1) & ~met
@@ -133,7 +133,7 @@ def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray,
 
 
 def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radius_m: float) -> FloatArray:
-    """Return (w, 2) corners of a shortest way around all of some circles; none where there is no way."""
+    """Return (w, 2) corners of a shortest path around all of some circles; empty where there is no path."""
     angles = np.arange(_CORNERS) * (2.0 * math.pi / _CORNERS)
     ring = _CORNER_RADIUS * radius_m * np.column_stack((np.cos(angles), np.sin(angles)))
     corners = (centres_m[:, np.newaxis] + ring).reshape(-1, 2)
@@ -157,7 +157,7 @@ def _choose_places(
     allowed = (distance_m <= reach_m) & (clear_m >= radius_m) & ~closed.is_inside(places)
     places, clear_m, distance_m = places[allowed], clear_m[allowed], distance_m[allowed]
     chosen: list[FloatArray] = []
-    # Of two places as clear as each other the one nearer to the depot; a metre of clearance is worth ten of walking.
+    # Of two equally clear places, prefer the one nearer to the depot; a metre of clearance is worth ten of distance.
     for index in np.argsort(0.1 * distance_m - clear_m, kind="stable"):
         if len(chosen) == count:
             break
@@ -167,7 +167,7 @@ def _choose_places(
 
 
 def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list[int]:
-    """Return the inner nodes of a shortest way from the first to the last node (A*, visibility only where needed)."""
+    """Return the inner nodes of a shortest path from the first to the last node (A*, visibility only where needed)."""
     goal = len(nodes) - 1
     to_goal_m = distances_between_m(nodes, nodes[[goal]])[:, 0]
     length_m = np.full(len(nodes), math.inf)
@@ -184,7 +184,8 @@ def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float
         done[node] = True
         reach_m = length_m[node] + distances_between_m(nodes, nodes[[node]])[:, 0]
         nearer = np.flatnonzero(reach_m < length_m - 1e-9)
-        # As in `way_around_m` for legs from one place, by squares and by component: a way around takes its time here.
+        # As in `way_around_m` for legs from one place, by squares and by component: this is the hot spot of path
+        # search.
         along_e, along_n = (nodes[nearer] - nodes[node]).T
         off_e, off_n = (centres_m - nodes[node]).T[..., np.newaxis]
         share = (off_e * along_e + off_n * along_n) / np.maximum(along_e**2 + along_n**2, 1e-12)

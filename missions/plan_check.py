@@ -20,18 +20,19 @@ FIGURE_TOLERANCE = 1e-6
 
 
 def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -> list[str]:
-    """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
+    """Return messages on every figure of a plan file that does not match its own content; empty if there are none.
 
     Recomputed are the segments' places and lengths, every route's duration and energy, the cost, coverage, budgets and
-    the re-plan window; of days packs, hours and take-offs too, but no window after losses. Areas and locks are kept.
+    the re-plan window; for days packs, hours and take-offs too, but no window after losses. Areas and locks are
+    checked.
 
     Args:
         content: The file.
-        search_window: Whether the window is searched for anew: a second or two for a hundred segments. Otherwise only
+        search_window: Whether to search for the window again: a second or two for a hundred segments. Otherwise only
             its percentage and longest route are recomputed.
 
     Raises:
-        PlanFileError: its vehicles or coordinates make no planning problem at all.
+        PlanFileError: its vehicles or coordinates do not form a valid planning problem.
     """
     findings = [*_check_places(content), *_check_areas(content), *_check_locks(content)]
     if isinstance(content, DayPlanFile):
@@ -102,7 +103,7 @@ def _check_days(content: DayPlanFile) -> Iterator[str]:
 def _describe_wrong_routes(
     named: Iterable[tuple[str, PlanRoute]], durations_s: Sequence[float], energies_pct: Sequence[float]
 ) -> Iterator[str]:
-    """Yield which routes' figures, by what they are called, are not what they were computed anew to be."""
+    """Yield messages on routes whose figures, by name, differ from the recomputed ones."""
     for (name, route), duration_s, energy_pct in zip(named, durations_s, energies_pct, strict=True):
         yield from _describe_wrong_figures([
             (f"{name}: duration_s", route.duration_s, duration_s), (f"{name}: energy_pct", route.energy_pct, energy_pct)
@@ -124,7 +125,7 @@ def _check_places(content: PlanContent) -> Iterator[str]:
 
 
 def _check_areas(content: PlanFile | DayPlanFile) -> Iterator[str]:
-    """Yield what of the inspection legs that are flown, and of vehicles' pads, is in an area."""
+    """Yield messages on flown inspection legs and vehicles' pads that lie in an area."""
     if (pricing := content.pricing) is None:
         return
     pads = content.pads if isinstance(content, DayPlanFile) else [*pricing.bases.items()]
@@ -140,7 +141,7 @@ def _check_areas(content: PlanFile | DayPlanFile) -> Iterator[str]:
 
 
 def _check_locks(content: PlanContent) -> Iterator[str]:
-    """Yield what is flown by another vehicle, or the other way round, than the plan's locks have it."""
+    """Yield messages on segments flown by another vehicle, or in another direction, than the plan's locks require."""
     if (pricing := content.pricing) is None:
         return
     for route in content.routes:
@@ -155,7 +156,7 @@ def _check_locks(content: PlanContent) -> Iterator[str]:
 
 
 def _describe_wrong_figures(figures: Iterable[tuple[str, float, float]]) -> Iterator[str]:
-    """Yield which figures, by their name, are not what they were computed anew to be."""
+    """Yield the named figures that differ from the recomputed ones."""
     for name, written, computed in figures:
         if not _is_same_figure(written, computed):
             yield f"{name} is {written:.6g}, its content gives {computed:.6g}"

@@ -1,7 +1,7 @@
-"""Plans of a flight and of days, with all that is needed to check and to fly them: the plan file, ``faultline-plan/2``.
+"""Plans of a flight and of days, with all data to check and to fly them: the plan file, ``faultline-plan/2``.
 
-The classes are the file, key by key; ``plan_json`` writes them as they are and reads them back. They name segments by
-the network's ids; what the planner is asked (``plan``, ``build_instance``) is over positions in ``segments``.
+The classes match the file, key by key; ``plan_json`` writes and reads them unchanged. They identify segments by the
+network's ids; planner problems (``plan``, ``build_instance``) use positions in ``segments``.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ FORMAT: Final = "faultline-plan/2"
 
 @dataclass(frozen=True, kw_only=True)
 class PlanContent:
-    """What plans of a single flight and of days have in common."""
+    """Common content of plans of a single flight and of days."""
 
-    # Strict and finite in the planner's types too, which say nothing of documents.
+    # Strict and finite for the planner's types too, which do not define document rules.
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(strict=True, allow_inf_nan=False)
 
     format: Literal["faultline-plan/2"]
@@ -90,26 +90,26 @@ class PlanContent:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the vehicles."""
+        """Names of the vehicles."""
         return tuple(vehicle.name for vehicle in self.vehicles)
 
     @property
     def areas(self) -> tuple[Area, ...]:
-        """Areas that its ways lead around."""
+        """Areas that its paths lead around."""
         kept_out = () if self.pricing is None else self.pricing.kept_out
         return tuple(one.area for one in kept_out if one.area.name != UNKNOWN_GROUND)
 
     @property
     def solved(self) -> plan_parts.SolverRecord:
-        """How the plan came about."""
+        """Record of the solver run."""
         return plan_parts.SolverRecord(self.solver, self.seed, self.seconds)
 
     @cached_property
     def plan(self) -> Plan:
-        """The routes as the planner has them, over positions in ``segments``.
+        """The routes as the planner's plan, over positions in ``segments``.
 
         Raises:
-            planner.PlanError: a segment is in them twice.
+            planner.PlanError: it contains a segment twice.
         """
         vehicle, base = self.names.index, [place.name for place in self.bases].index
         routes = (
@@ -124,7 +124,7 @@ class PlanContent:
     def build_routes(
         self, plan: Plan, durations_s: Sequence[float], energies_pct: Sequence[float]
     ) -> tuple[plan_parts.PlanRoute, ...]:
-        """Return a plan's routes as the file has them, with the figures of each."""
+        """Return a plan's routes for the file, with the figures of each."""
         return tuple(
             plan_parts.PlanRoute(
                 vehicle=self.names[route.vehicle],
@@ -142,7 +142,7 @@ class PlanContent:
         )  # fmt: skip
 
     def inspection_height_m(self, vehicle: int, position: int) -> float | None:  # noqa: ARG002 - of days nobody says so
-        """Return how high a vehicle inspects the segment at a position, where that is known beforehand."""
+        """Return the height at which a vehicle inspects the segment at a position, if known in advance."""
         return None
 
     def visits_of(self, route: plan_parts.PlanRoute) -> tuple[int, ...]:
@@ -152,7 +152,7 @@ class PlanContent:
 
 @dataclass(frozen=True, kw_only=True)
 class PlanFile(PlanContent):
-    """A plan, with all that is needed to check and to fly it."""
+    """A plan, with all data to check and to fly it."""
 
     travel: Travel
     cost: plan_parts.PlanCost
@@ -169,21 +169,21 @@ class PlanFile(PlanContent):
 
     @property
     def network_routes(self) -> dict[str, tuple[int, ...]]:
-        """Each vehicle's visits of the network by its name."""
+        """Each vehicle's visits by the network's segments, by vehicle name."""
         return {route.vehicle: route.network_visits for route in self.routes}
 
     @property
     def durations_s(self) -> tuple[float, ...]:
-        """Of the routes."""
+        """Durations of the routes."""
         return tuple(route.duration_s for route in self.routes)
 
     @property
     def energies_pct(self) -> tuple[float, ...]:
-        """Of the routes."""
+        """Energies of the routes."""
         return tuple(route.energy_pct for route in self.routes)
 
     def inspection_height_m(self, vehicle: int, position: int) -> float | None:
-        """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
+        """Return the height at which a vehicle inspects the segment at a position; None if all stay in their layers."""
         if self.inspection is None or self.pricing is None or not self.inspection.same_distance:
             return None
         height_m, pricing, name = self.inspection.height_m, self.pricing, self.names[vehicle]
@@ -192,7 +192,7 @@ class PlanFile(PlanContent):
         return height_m + pricing.steps_m.get(name, 0.0) + pricing.deep_m.get(position, 0.0)
 
     def with_site_of(self, other: PlanFile) -> PlanFile:
-        """Return this plan with what another one says of their site."""
+        """Return this plan with the site data of another."""
         autopilots = {one.name: one.autopilot for one in other.vehicles}
         return replace(
             self,
@@ -210,10 +210,10 @@ class PlanFile(PlanContent):
         return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
 
     def build_task(self) -> Task:
-        """Return the planning problem that the file is about.
+        """Return the planning problem of the file.
 
         Raises:
-            PlanFileError: its vehicles or coordinates do not make one.
+            PlanFileError: its vehicles or coordinates are invalid.
         """
         return Task(self.build_instance(), tuple(self.positions), self.pricing, self.unreachable)
 
@@ -221,7 +221,7 @@ class PlanFile(PlanContent):
         """Return the planning problem over positions in ``segments``.
 
         Raises:
-            PlanFileError: its vehicles or coordinates do not make one.
+            PlanFileError: its vehicles or coordinates are invalid.
         """
         vehicles = [one.to_planner() for one in self.vehicles]
         try:
@@ -235,7 +235,7 @@ class PlanFile(PlanContent):
         """Return the file's segments as a network, numbered by their position; labels are their names.
 
         Raises:
-            NetworkError: the segments do not make one.
+            NetworkError: the segments are not a valid network.
         """
         pylons: dict[str, Pylon] = {}
         for segment in self.segments:
@@ -254,7 +254,7 @@ class PlanFile(PlanContent):
 
 @dataclass(frozen=True, kw_only=True)
 class DayPlanFile(PlanContent):
-    """Days of many sorties, with all that is needed to check and to fly them."""
+    """Days of many sorties, with all data to check and to fly them."""
 
     days: Annotated[tuple[Pair, ...], Field(min_length=1)]
     """Start and end of each day, in seconds from the first midnight."""
@@ -265,9 +265,9 @@ class DayPlanFile(PlanContent):
     vehicles: Annotated[tuple[plan_parts.DayVehicle, ...], Field(min_length=1)]
     cost: plan_parts.DayCost
     finish_s: Figure
-    """When the last sortie lands, in seconds from the first midnight."""
+    """Landing time of the last sortie, in seconds from the first midnight."""
     flight_s: Figure
-    """The time in the air of all sorties."""
+    """Total flight time of all sorties."""
     pricing: Annotated[Pricing, Field(alias="model")] = field(compare=False)
     """Model of times and energies."""
     windows: tuple[sorties.LossWindow, ...] = ()
@@ -276,7 +276,7 @@ class DayPlanFile(PlanContent):
     """Id of the day plan that this plan continues."""
 
     def routes_of(self, vehicle: str) -> tuple[plan_parts.PlanRoute, ...]:
-        """Return a vehicle's sorties in the order of time."""
+        """Return a vehicle's sorties in order of time."""
         return tuple(route for route in self.routes if route.vehicle == vehicle)
 
     def routes_on(self, day: int) -> tuple[plan_parts.PlanRoute, ...]:
@@ -286,17 +286,17 @@ class DayPlanFile(PlanContent):
 
     @property
     def flying(self) -> int:
-        """How many vehicles fly."""
+        """Number of vehicles that fly."""
         return len({route.vehicle for route in self.routes})
 
     @property
     def base_names(self) -> list[str]:
-        """Of the bases."""
+        """Names of the bases."""
         return [base.name for base in self.bases]
 
     @property
     def pads(self) -> list[tuple[str, Base]]:
-        """Each vehicle by its name, with its pads at the bases where it may land."""
+        """Each vehicle by name, with its pads at the bases where it may land."""
         return [
             (own.name, pad) for own in self.vehicles for name, pad in zip(self.base_names, own.pads, strict=True)
             if name in own.lands
@@ -304,7 +304,7 @@ class DayPlanFile(PlanContent):
 
     @property
     def schedule_id(self) -> str:
-        """What names the sorties of the whole plan: the same for its file, its copies and the rests of its days."""
+        """Id of the sorties of the whole plan: the same for its file, its copies and the remainders of its days."""
         flown = [
             (name, [(one.base, self.visits_of(one), one.start_s) for one in self.routes_of(name)])
             for name in self.names
@@ -313,11 +313,11 @@ class DayPlanFile(PlanContent):
 
     @property
     def first_day(self) -> int:
-        """The number of its first day among the days of the whole plan, from 1."""
+        """Number of its first day among the days of the whole plan, from 1."""
         return int(self.days[0][0] // 86_400.0) + 1
 
     def with_plan(self, plan: Plan, found: sorties.SortieEvaluation, objective: sorties.Objective) -> DayPlanFile:
-        """Return these days with another plan, what it comes to and what it was chosen by."""
+        """Return these days with another plan, its evaluation and its objective."""
         ends_s = [end_s for _, end_s in self.days[:-1]]
         return replace(
             self,
@@ -332,13 +332,13 @@ class DayPlanFile(PlanContent):
         )
 
     def build_instance(self) -> sorties.SortieInstance:
-        """Return the planning problem over positions in ``segments``; moves are priced when they are asked for.
+        """Return the planning problem over positions in ``segments``; moves are priced on demand.
 
         Raises:
-            PlanFileError: its content does not make one.
+            PlanFileError: its content is invalid.
         """
         base, bases, segments = self.base_names.index, len(self.bases), len(self.segments)
-        # Who alone may inspect a segment is no matter of prices here: it ends with the vehicle.
+        # Locks do not affect prices here: a lock ends with its vehicle.
         flown, profiles = price_fleet(replace(self.pricing, locked={}), self.names)
         out = np.zeros((2, len(profiles), bases, 2 * segments))
         home = np.zeros((2, len(profiles), 2 * segments, bases))
@@ -376,7 +376,7 @@ class DayPlanFile(PlanContent):
             raise PlanFileError(f"{self.source}: {error}") from error
 
     def count_packs(self) -> tuple[int, ...]:
-        """Return the packs that each base needs, as ``count_packs_needed`` has it."""
+        """Return the number of packs that each base needs, see ``count_packs_needed``."""
         return sorties.count_packs_needed(self.build_instance(), self.plan.routes)
 
 
@@ -391,18 +391,18 @@ def make_plan_file(
     inspection: Inspection | None = None,
     says_distances: bool = True,
 ) -> PlanFile:
-    """Return the content of a plan file; all figures come from the definition (``planner.evaluate``).
+    """Return the content of a plan file; all figures are computed by their definition (``planner.evaluate``).
 
     Args:
-        network: That the task was made from.
-        task: The problem that was solved.
-        travel: Speeds and rates, of the paper's model.
-        plan: Over the task's instance.
-        chosen_by: A cost, or the plan's re-plan window: the earlier it begins the better.
-        solved: How the plan came about.
-        inspection: How the routes are to be flown.
-        says_distances: Whether it is known at which distance its segments are inspected: of a re-plan the missions
-            alone say so.
+        network: Network of the task.
+        task: The solved problem.
+        travel: Speeds and rates of the paper's model.
+        plan: Plan over the task's instance.
+        chosen_by: A cost, or the plan's re-plan window, where an earlier begin is better.
+        solved: Record of the solver run.
+        inspection: Inspection settings of the routes.
+        says_distances: Whether the inspection distances of its segments are known: for a re-plan only the missions
+            define them.
 
     Raises:
         planner.PlanError: the plan does not belong to the task.
@@ -410,7 +410,7 @@ def make_plan_file(
     window = chosen_by if isinstance(chosen_by, plan_parts.Window) else None
     evaluation = evaluate(task.instance, plan, Cost.MINMAX if isinstance(chosen_by, plan_parts.Window) else chosen_by)
     if inspection is not None and network.flat:
-        # The file must say so itself: nothing else is asked when it is exported.
+        # The file itself must state this: an export has no other source.
         inspection = replace(inspection, flat=True)
     frame = network.frame
     content = PlanFile(
@@ -437,16 +437,16 @@ def make_plan_file(
 def setup_of_plan(
     content: PlanFile, inspection: Inspection, *, pads: Sequence[Pad] | None = None, terrain: Terrain | None = None
 ) -> FlightSetup:
-    """Return what a plan's routes become flights by.
+    """Return the setup that turns a plan's routes into flights.
 
     Args:
         content: The plan.
-        inspection: Its heights and speeds.
-        pads: Where the vehicles really stand, once known.
-        terrain: The ground that it was made over, which is not in the plan itself.
+        inspection: Heights and speeds.
+        pads: Actual pads, once known.
+        terrain: The ground that it was made over, which is not stored in the plan.
 
     Raises:
-        MissionsError: as `plan_flight_setup` has it.
+        MissionsError: as for `plan_flight_setup`.
     """
     setup = plan_flight_setup(
         content.build_network(), content.names, inspection, pads=pads, areas=content.areas, terrain=terrain
@@ -456,7 +456,7 @@ def setup_of_plan(
 
 
 def build_plan_segment(network: Network, number: int) -> plan_parts.PlanSegment:
-    """Return a segment as plan files keep it."""
+    """Return a segment in the format of plan files."""
     segment = network.segments[number]
     a, b = network.pylons[segment.a], network.pylons[segment.b]
     a_m, b_m = network.ends_m[number].tolist()

@@ -1,7 +1,7 @@
-"""Plan files on disk: JSON, ``faultline-plan/2``, one document for a single flight and for days of many sorties.
+"""Read and write plan files: JSON, ``faultline-plan/2``, one document for a single flight and for days of many sorties.
 
-Figures are written as Python prints a float, so reading a file gives back exactly what was written. Files of version 1
-are read as well (``plan_json_v1``).
+Figures are written as Python prints a float, so that they read back unchanged. Files of version 1 can be read as well
+(``plan_json_v1``).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DAYS: TypeAdapter[PlanFile | DayPlanFile] = TypeAdapter(DayPlanFile)
 
 
 def write_plan(path: Path | str, content: PlanFile | DayPlanFile) -> None:
-    """Write a plan file, as a whole or not at all: a reader never sees half of one.
+    """Write a plan file atomically: a reader never sees a partial file.
 
     Raises:
         PlanFileError: a figure is NaN or infinite.
@@ -39,14 +39,14 @@ def write_plan(path: Path | str, content: PlanFile | DayPlanFile) -> None:
 
 
 def build_plan_document(content: PlanFile | DayPlanFile, source: str | None = None) -> dict[str, Any]:
-    """Return what a plan file says, as JSON has it; an error names where the plan was read, or another source.
+    """Return a plan file's content as JSON; an error names the plan's source, or the one given.
 
     Raises:
         PlanFileError: a figure is NaN or infinite.
     """
     adapter = DAYS if isinstance(content, DayPlanFile) else FLIGHT
     plain: dict[str, Any] = adapter.dump_python(content, mode="json", by_alias=True, exclude_none=True)
-    plain["segments"] = plain.pop("segments")  # last, for they are by far the longest
+    plain["segments"] = plain.pop("segments")  # last, because they are by far the longest
     _parse_plan(json.dumps(plain), source or content.source)
     return plain
 
@@ -79,7 +79,7 @@ def _parse_plan(text: str, source: str) -> PlanFile | DayPlanFile:
 
 
 def _find_errors(content: PlanFile | DayPlanFile) -> Iterator[str]:
-    """Yield what does not belong together: the key, and what was expected there."""
+    """Yield inconsistencies: the key, and what was expected there."""
     yield from _find_wrong_names(content)
     model, names, count = content.pricing, content.names, len(content.segments)
     if model is not None and len(model.tracks_m) != count:
@@ -134,7 +134,7 @@ def _find_wrong_counts(content: DayPlanFile) -> Iterator[str]:
 
 
 def _list_names(content: PlanFile | DayPlanFile) -> Iterator[tuple[str, int | str]]:
-    """Yield each place that names a vehicle, a base or a segment, and what it names."""
+    """Yield each place that names a vehicle, a base or a segment, and the name."""
     for row, route in enumerate(content.routes):
         yield from ((f"routes[{row}].{key}", getattr(route, key)) for key in ("vehicle", "base", "lands"))
         for index, visit in enumerate(route.visits):
@@ -151,7 +151,7 @@ def read_plan(path: Path | str) -> PlanFile:
     """Read the plan file of a single flight.
 
     Raises:
-        PlanFileError: as `read_any_plan`, or it is of days.
+        PlanFileError: as for `read_any_plan`, or it is a day plan.
     """
     content = read_any_plan(path)
     if isinstance(content, DayPlanFile):
@@ -163,7 +163,7 @@ def read_day_plan(path: Path | str) -> DayPlanFile:
     """Read the plan file of days.
 
     Raises:
-        PlanFileError: as `read_any_plan`, or it is of a single flight.
+        PlanFileError: as for `read_any_plan`, or it is a plan of a single flight.
     """
     content = read_any_plan(path)
     if isinstance(content, PlanFile):
@@ -172,8 +172,8 @@ def read_day_plan(path: Path | str) -> DayPlanFile:
 
 
 def is_day_plan(path: Path | str) -> bool:
-    """Return whether a file is a plan of days."""
+    """Return whether a file is a day plan."""
     try:
         return "days" in find_object(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError):
-        return False  # whoever reads it says why
+        return False  # the reader of the file reports the reason

@@ -1,4 +1,4 @@
-"""Plan files of version 1, of a single flight and of days, as version 2 has them."""
+"""Convert plan files of version 1, of a single flight and of days, to version 2."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Json = dict[str, Any]
 
 
 def upgrade_plan(text: str, source: str) -> str:
-    """Return the text of a plan file as version 2 has it; one of another version, or of none, as it is.
+    """Return a plan file's text converted to version 2; a text of another or no version is returned unchanged.
 
     Args:
-        text: Of the file.
+        text: The file's text.
         source: Its name, for messages.
 
     Raises:
-        PlanFileError: it says that it is of version 1, and lacks what version 1 has.
+        PlanFileError: it declares version 1, but lacks required keys of version 1.
     """
     document = find_object(text)
     name = document.get("format")

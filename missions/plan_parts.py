@@ -22,7 +22,7 @@ WINDOW_COST = "window"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanSegment:
-    """A stretch of line between two pylons, a and b: one segment of the plan's own network."""
+    """Part of a line between two pylons, a and b: one segment of the plan's own network."""
 
     id: Id
     """Segment id in the network; a plan over part of a network skips some."""
@@ -43,23 +43,23 @@ class PlanSegment:
 
     @property
     def display_name(self) -> str:
-        """What people call it."""
+        """Display name."""
         return self.name or f"segment {self.id}"
 
 
 @dataclass(frozen=True, slots=True)
 class BreakingLoss:
-    """A loss that nothing repairs."""
+    """A loss that no re-plan can recover."""
 
     vehicle: Text
-    """Its name."""
+    """Vehicle name."""
     from_s: Figure
     to_s: Figure
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The re-plan window: from when on the others can finish if any one vehicle is lost."""
+    """The re-plan window: the time from which the others can finish if any one vehicle is lost."""
 
     window_pct: Figure
     """Window as a share of the longest route."""
@@ -71,7 +71,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class SolverRecord:
-    """How the plan came about."""
+    """Record of the solver run."""
 
     solver: str
     seed: int
@@ -99,7 +99,7 @@ class PlanTerrain:
 
 @dataclass(frozen=True, slots=True)
 class PlanFence:
-    """What the site says of the fences of its vehicles, which other ground stations are given too."""
+    """Fence settings of the site, also used in exports to other ground stations."""
 
     margin_m: Above0
     """Least distance of a fence from its vehicle's routes."""
@@ -126,7 +126,7 @@ class BasePlace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanVehicle:
-    """A vehicle as the planner sees it."""
+    """A vehicle as an input of the planner."""
 
     name: Name
     """Name as in the site file; file names use it."""
@@ -146,13 +146,13 @@ class PlanVehicle:
     """In the air: direction of arrival, metres east and north; zero if unknown."""
 
     def to_planner(self) -> Vehicle:
-        """Return it as an instance has it."""
+        """Return the planner's vehicle."""
         return Vehicle(*(getattr(self, one.name) for one in fields(Vehicle)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DayVehicle(PlanVehicle):
-    """A vehicle of days: its start is its pad at its base, its budget what a sortie may use of a full pack."""
+    """A vehicle of a day plan: its start is its pad at its base, its budget the usable part of a pack per sortie."""
 
     base: Text
     """Base at the start of the first day."""
@@ -178,7 +178,7 @@ class PlanVisit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRoute:
-    """One sortie: what one vehicle flies on one pack, from its start to a base."""
+    """One sortie: the flight of one vehicle on one pack, from its start to a base."""
 
     vehicle: str
     visits: tuple[PlanVisit, ...]
@@ -196,13 +196,13 @@ class PlanRoute:
 
     @property
     def network_visits(self) -> tuple[int, ...]:
-        """Its visits of the network."""
+        """Its visits, by the network's segments."""
         return tuple(visit_of(visit.segment, visit.reversed) for visit in self.visits)
 
 
 @dataclass(frozen=True, slots=True)
 class PlanCost:
-    """What the plan was chosen by."""
+    """Objective of the plan."""
 
     name: Annotated[str, one_of([*(cost.value for cost in Cost), WINDOW_COST])]
     value: Figure
@@ -211,7 +211,7 @@ class PlanCost:
 
 @dataclass(frozen=True, slots=True)
 class DayCost:
-    """What a plan of days was chosen by."""
+    """Objective of a day plan."""
 
     name: Annotated[str, one_of(objective.value for objective in Objective)]
     """Objective: last landing, time in the air, or number of sorties."""

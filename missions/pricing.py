@@ -1,11 +1,12 @@
-"""From what each vehicle's flights take to the times and energies of all moves of a fleet.
+"""Compute the times and energies of all moves of a fleet from each vehicle's flight model.
 
-A transit is priced as it leads around others' pads and around areas, and where a raster knows the ground as it rises
-and falls with it, else as one straight leg; where only the lines' heights are known the flight is a little longer,
-which `estimate` of the path knows.
+A transit is priced with its detours around other vehicles' pads and around areas, and over ground covered by a raster
+with its climbs and descents; else as one straight leg. Where only the lines' heights are known the actual flight is a
+little longer, which `estimate` of the path accounts for.
 
-Who inspects below its own layer comes down to the line straight, and goes up from it: between two segments that do not
-meet, on the way there and on the way home. A vehicle is priced as if it did so everywhere but where it is known not to.
+A vehicle that inspects below its own layer descends to the line straight, and climbs from it: between two segments that
+do not meet, on the outbound leg and on the return. A vehicle is priced as if it did so everywhere except where it is
+known to stay in its layer.
 """
 
 from __future__ import annotations
@@ -32,29 +33,29 @@ from planner.model import BARRED_PCT, TABLES_UP_TO, renumber_visits, visit_of
 T = TypeVar("T")
 TimesAndEnergies = tuple[FloatArray, FloatArray]
 AROUND_UP_TO = 1000
-"""Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
+"""Segments times vehicles up to which paths lead around other vehicles' pads: each vehicle then has its own moves."""
 DEPOT_M = (0.0, 0.0)
 """The depot in its own frame; pads are a few steps away."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleMoves:
-    """One vehicle's moves, around the columns above others' pads, around areas and over hills."""
+    """One vehicle's moves, around the columns above other vehicles' pads, around areas and over hills."""
 
     model: FlightModel
     columns: DetourObstacles
     relief: Relief | None
     barred: frozenset[int]
-    """Segments that it cannot be given."""
+    """Segments that it cannot be assigned."""
     locked: frozenset[int]
-    """Segments that another one alone is given."""
+    """Segments locked to another vehicle."""
     step_m: float
-    """How far it comes down from its layer to a line; 0 where it inspects in its layer."""
+    """Its descent from its layer to a line; 0 if it inspects in its layer."""
     layered: frozenset[int]
-    """Segments that it inspects in its layer all the same."""
+    """Segments that it inspects in its layer nevertheless."""
 
     def find_low_visits(self, visits: planner.Visits) -> BoolArray:
-        """Return which visits it comes down to."""
+        """Return for which visits it descends below its layer."""
         if not self.step_m:
             return NEVER
         return np.asarray(~np.isin(np.asarray(visits, dtype=np.int64) >> 1, list(self.layered)))
@@ -66,11 +67,11 @@ class VehicleMoves:
         """Return seconds and energies of moves from rest; arrays (..., 3) broadcast against each other.
 
         Args:
-            from_m: Where they begin.
-            facing_m: Along which the vehicle arrived there.
-            first_m: Where the visits begin.
-            last_m: Where they end.
-            low: Which moves begin, and which of their visits are, below the layer.
+            from_m: Their start places.
+            facing_m: Directions of arrival there.
+            first_m: Places where the visits begin.
+            last_m: Places where they end.
+            low: Which moves, and which of their visits, begin below the layer.
         """
         ups, downs = find_vertical_legs(from_m, first_m, *low)
         facing_m, down = arrival_vectors_m(ups, facing_m), downs[..., np.newaxis]
@@ -83,7 +84,7 @@ class VehicleMoves:
     def price_ways_home(
         self, from_m: FloatArray, facing_m: FloatArray, base: Base, low: BoolArray = NEVER
     ) -> TimesAndEnergies:
-        """Return seconds and energies of the ways from rest (..., 3) onto a pad; some begin below the layer."""
+        """Return seconds and energies of returns from rest (..., 3) onto a pad; some begin below the layer."""
 
         def price(legs_m: FloatArray, facing_m: FloatArray) -> TimesAndEnergies:
             return self.model.price_ways_home(facing_m, legs_m, base)
@@ -94,15 +95,15 @@ class VehicleMoves:
         self, from_m: FloatArray, to_m: FloatArray, price: Callable[..., TimesAndEnergies],
         others: Sequence[np.ndarray], ups: BoolArray, downs: BoolArray,
     ) -> TimesAndEnergies:  # fmt: skip
-        """Return seconds and energies of ways as they are flown.
+        """Return seconds and energies of paths as flown.
 
         Args:
-            from_m: (..., 3) where they begin.
-            to_m: (..., 3) where they end.
-            price: What ways along (..., w, 3) legs take, by these and the others.
-            others: (..., k) what else of each way it depends on.
-            ups: Which begin with a way up to their layer.
-            downs: Which end with one down from it.
+            from_m: (..., 3) their starts.
+            to_m: (..., 3) their ends.
+            price: Prices paths along (..., w, 3) legs, given these and the others.
+            others: (..., k) further inputs of each path's price.
+            ups: Which begin with a climb to their layer.
+            downs: Which end with a descent from it.
         """
         straight = price((to_m - from_m)[..., np.newaxis, :], *others)
         shape = straight[0].shape
@@ -120,9 +121,9 @@ class VehicleMoves:
         return priced[0] + ups * up[0] + downs * down[0], priced[1] + ups * up[1] + downs * down[1]
 
     def _iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Yield which of (n, 3) ways are not flown straight, and (k, w, 3) through which places; the last word counts.
+        """Yield the indices of (n, 3) paths that are not straight, and their (k, w, 3) places; later ones override.
 
-        Ways follow the surface where it is uneven, those that lead around something too.
+        Paths follow the surface where it is uneven, including those with detours.
         """
         if self.relief is not None:
             yield from self.relief.iterate_ways(from_m, to_m)
@@ -132,48 +133,49 @@ class VehicleMoves:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pricing:
-    """From which the time and the energy of every move of a fleet are made."""
+    """Data from which the time and energy of every move of a fleet are computed."""
 
     tracks_m: Annotated[FloatArray, array_of(tuple[tuple[Place, Place], ...])]
-    """(n, 2, 3) float64: the two ends of every segment's inspection leg, in the lowest layer."""
+    """(n, 2, 3) float64: ends of every segment's inspection leg, in the lowest layer."""
     bases: Mapping[str, Base]
-    """By the vehicle's name: where it lands, and takes off but for those in `starts`."""
+    """By vehicle name: base where it lands, and takes off unless listed in `starts`."""
     models: Mapping[str, FlightModel]
     pads_m: tuple[Pair, ...] = ()
-    """East and north of all pads, also of who does not fly any more: ways lead around the columns above them."""
+    """East and north of all pads, including those of vehicles that no longer fly: paths avoid the columns above
+    them."""
     column_m: From0 = 0.0
-    """Radius of these columns; 0 where every way is straight."""
+    """Radius of these columns; 0 if every path is straight."""
     answer_s: From0 = 0.0
-    """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
+    """Time after a loss during which all vehicles fly on as planned, see `planner.Instance`."""
     kept_out: tuple[AreaRestriction, ...] = ()
-    """Areas that ways lead around, however many segments there are."""
+    """Areas that paths lead around, for any number of segments."""
     relief: Relief | None = None
-    """The lowest layer's heights, where a raster knows the ground; without it ways rise evenly."""
+    """The lowest layer's heights, where a raster covers the ground; without it paths climb at a constant rate."""
     barred: Mapping[str, IdSet] = field(default_factory=dict)
-    """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
+    """By vehicle name: segments that it cannot be assigned because it lacks the required equipment."""
     locked: Annotated[Mapping[int, str], Field(exclude_if=not_)] = field(default_factory=dict)
-    """Segments that one vehicle alone is given, and its name: as long as it is in the fleet."""
+    """Segments locked to one vehicle, and its name; valid while it is in the fleet."""
     directions: Annotated[Mapping[int, Flag], Field(exclude_if=not_)] = field(default_factory=dict)
-    """Segments that are flown in one direction alone, and whether that is reversed."""
+    """Segments flown in one direction only, and whether that is reversed."""
     besides_s: Mapping[int, Figure] = field(default_factory=dict)
-    """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
+    """Segments that take longer than their tracks, and their extra time: pylons with viewpoints."""
     in_layer_s: Mapping[int, Figure] = field(default_factory=dict)
-    """The same of viewpoints below the surface, for who looks at them from its layer."""
+    """The same for viewpoints below the surface, for vehicles that view them from their layer."""
     deep_m: Mapping[int, Figure] = field(default_factory=dict)
-    """How far below the surface the lowest of these viewpoints lies, by segment."""
+    """By segment: depth below the surface of the lowest of these viewpoints."""
     steps_m: Mapping[str, From0] = field(default_factory=dict)
-    """By the vehicle's name: how far it comes down from its layer to inspect as asked; without one it does not."""
+    """By vehicle name: descent from its layer to the requested inspection height; if missing it does not descend."""
     layered: Mapping[str, IdSet] = field(default_factory=dict)
-    """By the vehicle's name: segments that it inspects in its layer, where others could meet it."""
+    """By vehicle name: segments that it inspects in its layer, where it could meet other vehicles below."""
     low_starts: NameSet = frozenset()
-    """Vehicles in the air whose start is below their layer."""
+    """Vehicles in the air that start below their layer."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
-    """By the vehicle's name: others' parts of the line, which its ways lead around."""
+    """By vehicle name: other vehicles' parts of the line that its paths lead around."""
     starts: Annotated[Mapping[str, Base], Field(exclude_if=not_)] = field(default_factory=dict)
-    """By the vehicle's name: where those take off who land elsewhere."""
+    """By vehicle name: take-off base of each vehicle that lands elsewhere."""
 
     def build_vehicle_moves(self, vehicle: str, *, around: bool) -> VehicleMoves:
-        """Return how a vehicle moves; its ways may lead around others' pads."""
+        """Return a vehicle's moves; its paths may lead around other vehicles' pads."""
         return VehicleMoves(
             self.models[vehicle],
             self._build_obstacles(vehicle, around=around),
@@ -194,7 +196,7 @@ class Pricing:
         return DetourObstacles(others, self.column_m, areas)
 
     def select_segments(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
-        """Return that of some segments, numbered anew in the order given, and of some vehicles."""
+        """Return the pricing of some segments, renumbered in the given order, and of some vehicles."""
         names = tuple(vehicles)
         numbers = {segment: number for number, segment in enumerate(segments)}
 
@@ -227,19 +229,19 @@ class Pricing:
 
 @dataclass(frozen=True, slots=True)
 class PricedMoves(planner.Moves):
-    """Moves of the vehicles' own flight models: the same for a flight and for a day of sorties.
+    """Moves by the vehicles' own flight models, for a single flight and for a day of sorties.
 
-    What moves from a start, or from a base, take is (2, 2n) float64, seconds and energies of a consumption of 1.
+    Prices of moves from a start or from a base are (2, 2n) float64: seconds and energies at a consumption of 1.
     """
 
     first_m: FloatArray
-    """(2n, 3) float64: where each visit begins."""
+    """(2n, 3) float64: start of each visit."""
     last_m: FloatArray
-    """(2n, 3) float64: where it ends."""
+    """(2n, 3) float64: end of each visit."""
     fliers: tuple[VehicleMoves, ...]
-    """One for each profile."""
+    """One per profile."""
     besides: FloatArray
-    """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile."""
+    """(2, profiles, 2n) float64: extra seconds and energy of visits, by profile."""
 
     @property
     def profiles(self) -> int:
@@ -258,7 +260,7 @@ class PricedMoves(planner.Moves):
         return replace(self, first_m=first_m, last_m=last_m, besides=besides).tabulate()
 
     def add_pct(self, more_pct: FloatArray) -> PricedMoves:
-        """Return moves that take more energy."""
+        """Return moves with additional energy."""
         return replace(self, besides=np.stack((self.besides[0], self.besides[1] + more_pct)))
 
     def compute(self, profile: int, before: planner.Visits, after: planner.Visits) -> tuple[FloatArray, FloatArray]:
@@ -271,26 +273,26 @@ class PricedMoves(planner.Moves):
         return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
     def price_out(self, profile: int, base: Base) -> FloatArray:
-        """Return those from a pad to the end of each visit, the climb included."""
+        """Return the moves from a pad to the end of each visit, climb included."""
         climb = np.array(self.fliers[profile].model.price_take_off(np.array(base.climb_m)))
         return self.price_from(profile, np.array(base.place_m), UNKNOWN, NEVER) + climb[:, np.newaxis]
 
     def price_from(self, profile: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray) -> FloatArray:
-        """Return those from rest at a place, which may be below the vehicle's layer, to the end of each visit."""
+        """Return the moves from rest at a place, possibly below the vehicle's layer, to the end of each visit."""
         flier = self.fliers[profile]
         low = is_low, flier.find_low_visits(np.arange(self.visits))
         priced = np.array(flier.price_moves(from_m, facing_m, self.first_m, self.last_m, low))
         return np.asarray(priced + self.besides[:, profile])
 
     def price_home(self, profile: int, base: Base) -> FloatArray:
-        """Return those from the end of each visit onto a pad."""
+        """Return the moves from the end of each visit onto a pad."""
         flier = self.fliers[profile]
         low = flier.find_low_visits(np.arange(self.visits))
         return np.array(flier.price_ways_home(self.last_m, self.last_m - self.first_m, base, low))
 
 
 def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> tuple[PricedMoves, tuple[int, ...]]:
-    """Return the moves of some vehicles, priced when they are asked for, and which profile is each vehicle's."""
+    """Return the moves of some vehicles, priced on demand, and each vehicle's profile."""
     tracks_m, names = pricing.tracks_m.reshape(-1, 2, 3), tuple(vehicles)
     first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
     around = len(tracks_m) * len(names) <= AROUND_UP_TO
@@ -298,7 +300,7 @@ def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> tuple[PricedMoves,
     profiles = tuple(dict.fromkeys(fliers))
     besides = np.zeros((2, len(profiles), len(first_m)))
     for number, flier in enumerate(profiles):
-        # Where it is barred, or a lock forbids it, a visit takes more than any battery holds.
+        # A barred or locked visit takes more energy than any battery holds.
         more = besides[:, number]
         from_layer = {segment: pricing.in_layer_s[segment] for segment in flier.layered & pricing.in_layer_s.keys()}
         for segment, seconds in {**pricing.besides_s, **from_layer}.items():
@@ -324,7 +326,7 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[planner.Vehicle])
         planner.InstanceError: there is no vehicle, or a start is not a number.
     """
     flown, profiles = price_fleet(pricing, (vehicle.name for vehicle in vehicles))
-    # Who comes down from a layer of its own has moves of its own, and so has who alone is given something.
+    # A vehicle that descends from its own layer has its own moves, as does a vehicle with locked segments.
     tables = flown.profiles if pricing.steps_m or pricing.locked else 1
     small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= TABLES_UP_TO**2
     moves: planner.Moves = flown.tabulate() if small else flown
@@ -368,21 +370,21 @@ class Task:
 
     instance: planner.Instance
     segment_ids: tuple[int, ...]
-    """The network's segment for each of the instance's."""
+    """The network's segment ids, by the instance's segment."""
     pricing: Pricing | None = None
-    """From which the instance is made; None: by the paper's model."""
+    """Source of the instance; None: the paper's model."""
     unreachable: tuple[Unreachable, ...] = ()
-    """What else of the network was asked for, and no flight can inspect."""
+    """Other requested segments of the network that no flight can inspect."""
 
     def to_network(self, visits: Iterable[int]) -> tuple[int, ...]:
-        """Return the instance's visits as the network's."""
+        """Return the instance's visits as visits of the network."""
         return renumber_visits(visits, self.segment_ids)
 
     def from_network(self, visits: Iterable[int]) -> tuple[int, ...]:
-        """Return the network's visits as the instance's.
+        """Return the network's visits as visits of the instance.
 
         Raises:
-            KeyError: a visit's segment is no part of the problem.
+            KeyError: a visit's segment is not part of the problem.
         """
         reduced = {segment: index for index, segment in enumerate(self.segment_ids)}
         return renumber_visits(visits, reduced)
@@ -394,13 +396,13 @@ class Task:
 
 
 def build_open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence[planner.Vehicle]) -> Task:
-    """Return the problem of inspecting what is still open, from wherever the vehicles are.
+    """Return the problem of inspecting the remaining segments from the vehicles' current places.
 
     Args:
-        pricing: Of the whole network.
-        open_segments: Its segments that are still to be inspected; taken in ascending order.
-        vehicles: With the start (east, north) where each becomes free, the budget that is left then, and whether it is
-            in the air there.
+        pricing: Pricing of the whole network.
+        open_segments: Its segments still to be inspected; used in ascending order.
+        vehicles: Each with the start (east, north) where it becomes free, its remaining budget there, and whether it is
+            in the air.
 
     Raises:
         IndexError: a segment is not in the network.

@@ -1,8 +1,8 @@
-"""From a planned route to the places that the vehicle flies through.
+"""Convert a planned route to the waypoints that the vehicle flies.
 
-The first waypoints of a path never depend on what follows them: every inspection starts and ends with a hold, whatever
-comes next. A re-plan in flight relies on it, for it sends a list with the same beginning, in which the autopilot's
-current index stays what it was.
+The first waypoints of a path never depend on later ones: every inspection starts and ends with a hold, regardless of
+what follows. A re-plan in flight relies on this: it uploads a list with the same beginning, so that the autopilot's
+current index stays valid.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from missions.waypoints import FlightPath, Phase, Waypoint
 from planner import is_reversed, segment_of
 
 CLIMB_M_S, DESCENT_M_S = 2.5, 1.0
-"""Of take-offs and landings, nominal: their speed is the autopilot's own, no item asks for it."""
+"""Nominal speeds of take-offs and landings: the autopilot sets them, no item does."""
 
 
 def build_flight_path(
@@ -35,9 +35,9 @@ def build_flight_path(
     Args:
         setup: The network, heights and pads.
         vehicle: Its name.
-        visits: Planner visits over the setup's network, ``2 * segment + reversed``; none means that it stays on the
-            ground, a path without waypoints.
-        low: Segments that it inspects as asked, below its own layer; as `asked.lowered` finds them.
+        visits: Planner visits over the setup's network, ``2 * segment + reversed``; if empty the vehicle stays on the
+            ground and the path has no waypoints.
+        low: Segments that it inspects at the requested height, below its own layer; see `select_low_segments`.
 
     Raises:
         SafetyError: the fleet has no such vehicle.
@@ -61,23 +61,22 @@ def continue_path(
 ) -> FlightPath:
     """Return a path that begins with the first ``keep`` waypoints of another and goes on with other visits.
 
-    The kept waypoints stay exactly as they are. Visits are counted on from the kept inspections; without new visits
-    the vehicle goes home from the last kept waypoint. In the place of a way home, which may be flown by now, stands a
-    transit first, if only to where the vehicle comes from: its items have the same numbers. Where on that leg the
-    vehicle turns is not known: if a straight way from there may not be free, it first flies back to where it was, and
-    stops there.
+    The kept waypoints are not changed. Visits are numbered after the kept inspections; without new visits the vehicle
+    returns from the last kept waypoint. A return leg, which may already be in progress, is replaced first by a transit,
+    if only to the leg's start: its items have the same numbers. The place on that leg where the vehicle turns is not
+    known: if a straight path from there may not be free, it first flies back to its last known place, and stops there.
 
     Args:
         setup: The network, heights and pads, as for the path itself.
-        path: What the vehicle is flying.
-        keep: How many of its waypoints stay; normally to the end of the inspection under way.
+        path: The path in progress.
+        keep: Number of its waypoints to keep; normally to the end of the current inspection.
         visits: Planner visits over the setup's network.
-        low: As `build_flight_path` has it, of those visits.
-        turn_m: East and north where the vehicle was last known to be, if it flies home already; None for anywhere on
-            the leg after the last kept waypoint.
+        low: As for `build_flight_path`, for those visits.
+        turn_m: East and north of the vehicle's last known place, if it is already returning; None for anywhere on the
+            leg after the last kept waypoint.
 
     Raises:
-        ValueError: nothing would be kept, more than there is, or a landing: that is a new flight.
+        ValueError: nothing would be kept, more than there is, or a landing, which would be a new flight.
         SafetyError: the fleet has no such vehicle.
         IndexError: a visit is not in the network.
     """
@@ -94,23 +93,23 @@ def continue_path(
 
 @dataclass(slots=True)
 class _PathBuilder:
-    """A path in the making: where the vehicle is after the last waypoint."""
+    """Builds a path; holds the vehicle's place after the last waypoint."""
 
     setup: FlightSetup
     vehicle: str
     here_m: FloatArray
     """(3,) float64: east, north and up over the depot's ground."""
     on_ground: bool
-    """Whether it stands on its pad; in the air it may be lower than that, over a valley."""
+    """Whether it is on its pad; in the air it may be below the pad's height, over a valley."""
     low: Collection[int]
     """Segments that it inspects below its layer."""
     below_m: float = 0.0
-    """How far below its layer it is."""
+    """Current depth below its layer."""
     turns_back: bool = False
-    """Whether it may be on its way home already."""
+    """Whether it may already be returning."""
 
     def complete(self, visits: Iterable[int], *, first_visit: int) -> Iterator[Waypoint]:
-        """Yield the waypoints of all visits and of the way home; those of the climb first if still on the ground."""
+        """Yield the waypoints of all visits and of the return; those of the climb first if still on the ground."""
         if self.on_ground:
             yield self._build_waypoint(self._above_m(self.setup.pad_of(self.vehicle)), Phase.TAKEOFF, CLIMB_M_S)
         for number, visit in enumerate(visits, start=first_visit):
@@ -128,13 +127,13 @@ class _PathBuilder:
     def turn_back(
         self, left: Waypoint, turn_m: tuple[float, float] | None, visits: Iterable[int], first_visit: int
     ) -> Iterator[Waypoint]:
-        """Yield the waypoints of all visits and of the way home for a vehicle that may be on a leg which they replace.
+        """Yield the waypoints of all visits and of the return for a vehicle that may be on a leg which they replace.
 
-        It turns anywhere between where it was and the end of that leg. From there autopilots fly straight to the new
-        waypoint, or to the line that leads there from the leg's end: all of the triangle over that leg must be free.
+        It turns anywhere between its last place and the end of that leg. From there autopilots fly straight to the new
+        waypoint, or to the line from the leg's end to it: the whole triangle over that leg must be free.
         """
         self.turns_back, begin_m = True, self.here_m
-        if self.below_m:  # it climbs from the line, and goes on from there in any case
+        if self.below_m:  # it climbs from the line, and always continues from there
             yield from self.complete(visits, first_visit=first_visit)
             return
         end_m = _place_m(self.setup, self.vehicle, left)
@@ -150,7 +149,7 @@ class _PathBuilder:
         yield from (first, *others)
 
     def _is_free(self, corners_m: FloatArray) -> bool:
-        """Return whether every leg within a triangle of (3, 3) corners is as legs must be."""
+        """Return whether every leg within a triangle of (3, 3) corners would be valid."""
         layers = self.setup.layers
         over_m = corners_m - _up_vector_m(layers.offset_m(self.vehicle))
         return self.setup.obstacles_for(self.vehicle).is_triangle_free(corners_m[:, :2]) and layers.surface.is_near(
@@ -181,9 +180,9 @@ class _PathBuilder:
         yield replace(inspected, captures=tuple(self._build_captures(visit))) if self.setup.looks else inspected
 
     def _fly_around_pylon(self, number: int, visit: int, look: PylonCameraTask) -> Iterator[Waypoint]:
-        """Yield the viewpoints of a pylon: a stop at each, the last of them ends its inspection.
+        """Yield the viewpoints of a pylon: a stop at each; the last one ends its inspection.
 
-        Who does not come down from its layer looks from above every one of them.
+        A vehicle that stays in its layer views every one of them from above.
         """
         low = segment_of(visit) in self.low
         stops = look.list_stops(reverse=is_reversed(visit), low=low)
@@ -206,11 +205,11 @@ class _PathBuilder:
             yield self._add_captures(ends, look, stop) if stop.points else ends
 
     def _place_below_layer_m(self, place_m: tuple[float, float], below_m: float) -> FloatArray:
-        """Return (3,) the place so far below the vehicle's layer."""
+        """Return (3,) the place at a depth below the vehicle's layer."""
         return np.array([*place_m, self.setup.layers.height_m(self.vehicle, *place_m) - below_m])
 
     def _build_captures(self, visit: int) -> Iterator[Capture]:
-        """Yield what cameras do along a segment; it is flown to the right of the direction from a to b."""
+        """Yield the camera actions along a segment; it is flown to the right of the direction from a to b."""
         segment, looks, asked = segment_of(visit), self.setup.looks, self.setup.inspection
         below_deg = math.degrees(math.atan2(asked.height_m + self._offset_m(segment), asked.standoff_m))
         for look in looks.spans.get(segment, ()):
@@ -221,7 +220,7 @@ class _PathBuilder:
             yield Capture(camera.name, camera.id, look.trigger, look.every_m, pitch_deg, yaw_deg, look.aim_deg)
 
     def _add_captures(self, waypoint: Waypoint, look: PylonCameraTask, stop: PylonStop) -> Waypoint:
-        """Return a stop with what is done there, once the vehicle has come to rest."""
+        """Return a stop with its actions, which start once the vehicle is at rest."""
         home_up_m = self.setup.frame.up_m(self.setup.pad_of(self.vehicle).alt_m)
         east_m, north_m, up_m = look.target_m
         region = Region(*self.setup.frame.to_wgs84_deg(east_m, north_m), up_m - home_up_m) if look.roi else None
@@ -235,11 +234,11 @@ class _PathBuilder:
         return replace(waypoint, captures=(capture,), hover_s=look.hover_s)
 
     def _offset_m(self, segment: int) -> float:
-        """Return how far above the asked height it inspects a segment."""
+        """Return the height above the requested height at which it inspects a segment."""
         return 0.0 if segment in self.low else self.setup.layers.offset_m(self.vehicle)
 
     def _fly_vertical(self, below_m: float, phase: Phase, *, visit: int | None) -> Iterator[Waypoint]:
-        """Yield the way straight up or down, if there is one, between the layer and the line."""
+        """Yield the vertical leg between the layer and the line, if there is one."""
         if below_m == self.below_m:
             return
         place_m = self.here_m + _up_vector_m(self.below_m - below_m)
@@ -247,7 +246,7 @@ class _PathBuilder:
         yield self._build_waypoint(place_m, phase, self.setup.inspection.transit_speed_m_s, hold=True, visit=visit)
 
     def _fly_transit(self, goal_m: FloatArray, phase: Phase, *, visit: int | None, hold: bool) -> Iterator[Waypoint]:
-        """Yield the way to a place: around the columns above others' pads and areas, up and down with the surface."""
+        """Yield the path to a place: around columns above other vehicles' pads and around areas, along the surface."""
         layers = self.setup.layers
         corners = self.setup.obstacles_for(self.vehicle).way_m(self.here_m[:2], goal_m[:2])
         heights_m = (

@@ -1,6 +1,6 @@
-"""Everything that turns a route into a flight: the network, how it is inspected, its layers and pads.
+"""Collect everything that turns a route into a flight: network, inspection settings, layers and pads.
 
-Heights keep any two vehicles apart, whatever each of them does; the check that a set of paths does so is here, too.
+Heights keep any two vehicles apart in every situation; the separation check for a set of paths is here, too.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from missions.terrain import DETOUR_M, Terrain, around_bases_m
 from missions.waypoints import FlightPath, legs_m
 
 LOWEST_FLIGHT_M = 5.0
-"""A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
+"""Lowest flight height over a pad; a lower one means that the lines lie far below the depot, and is refused."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlightSetup:
-    """What routes need to become flights; made once before take-off, and kept through every re-plan."""
+    """Data that turns routes into flights; built once before take-off and kept through every re-plan."""
 
     network: Network
     inspection: Inspection
@@ -44,27 +44,27 @@ class FlightSetup:
     tracks_m: FloatArray
     """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
     areas: tuple[Area, ...] = ()
-    """What flights keep out of, or keep low in."""
+    """Areas that flights avoid, or stay low in."""
     kept_out: tuple[AreaRestriction, ...] = ()
-    """Those of them that somebody must lead around, as `reach.apply_areas` finds them."""
+    """Those areas that at least one vehicle must lead around, see `area_rules.apply_areas`."""
     unreachable: tuple[Unreachable, ...] = ()
-    """Segments that no flight can inspect for them."""
+    """Segments that no flight can inspect because of the areas."""
     alternates: tuple[str, ...] = ()
-    """The names of places where a vehicle may come down that does not come home."""
+    """Names of alternate landing places for a vehicle that does not return."""
     terrain: Terrain | None = None
-    """The ground, where a raster knows it."""
+    """The ground, where covered by a raster."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
-    """By the vehicle's name: others' parts of the line, which its ways lead around for now."""
+    """By vehicle name: other vehicles' parts of the line that its paths avoid for now."""
     looks: CameraTasks = NO_LOOKS
-    """What is to be seen, and who has the cameras for it."""
+    """Camera tasks, and the vehicles that have the cameras for them."""
     day_pads: tuple[Pad, ...] = ()
-    """All pads of the vehicles that land at several bases on a day: each has one of its own at each, so that no two are
-    ever given the same one."""
+    """All pads of the vehicles that land at several bases in a day: one per vehicle and base, so that no two vehicles
+    share a pad."""
     landings: Mapping[str, Pad] = field(default_factory=dict)
-    """By the vehicle's name: where it lands if that is not where it takes off."""
+    """By vehicle name: landing pad, if it differs from the take-off pad."""
 
     def __post_init__(self) -> None:
-        """Check that the parts belong to each other.
+        """Check that the parts are consistent.
 
         Raises:
             SafetyError: pads and layers name different vehicles, or a pad lies above its flight height or in an area.
@@ -98,7 +98,7 @@ class FlightSetup:
         return {pad.vehicle: pad.alt_m for pad in self.pads}
 
     def pad_of(self, vehicle: str) -> Pad:
-        """Return the pad that a vehicle takes off from: its home, to which its heights are relative.
+        """Return a vehicle's take-off pad: its home, to which its heights are relative.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
@@ -109,7 +109,7 @@ class FlightSetup:
         raise SafetyError(f"vehicle {vehicle!r}: expected one of {', '.join(self.layers.vehicles)}")
 
     def landing_pad_of(self, vehicle: str) -> Pad:
-        """Return the pad that a vehicle's mission ends on.
+        """Return the pad at the end of a vehicle's mission.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
@@ -117,7 +117,7 @@ class FlightSetup:
         return self.landings.get(vehicle) or self.pad_of(vehicle)
 
     def list_pads_of(self, vehicle: str) -> tuple[Pad, ...]:
-        """Return all pads of a vehicle, the one that it takes off from first: its own RTL may end on each.
+        """Return all pads of a vehicle, the take-off pad first: its RTL may end on any of them.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
@@ -131,7 +131,7 @@ class FlightSetup:
         return np.concatenate((self.tracks_m, self.layers.track_heights_m[..., np.newaxis]), axis=2)
 
     def base_of(self, vehicle: str) -> Base:
-        """Return where a vehicle lands, and takes off next, as flights are priced.
+        """Return the base where a vehicle lands and next takes off, as used in pricing.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
@@ -139,7 +139,7 @@ class FlightSetup:
         return self.base_at(self.landing_pad_of(vehicle))
 
     def base_at(self, pad: Pad) -> Base:
-        """Return one of a vehicle's pads as flights are priced.
+        """Return one of a vehicle's pads as used in pricing.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
@@ -158,13 +158,13 @@ class FlightSetup:
 
     @property
     def steps_m(self) -> dict[str, float]:
-        """How far each vehicle comes down from its layer to inspect as asked, by name; of none if none does."""
+        """Descent of each vehicle from its layer to the requested inspection height, by name; may be empty."""
         if not self.inspection.same_distance:
             return {}
         return {name: self.layers.offset_m(name) for name in self.layers.vehicles}
 
     def return_height_m(self, vehicle: str) -> float:
-        """Return the height over its own home at which a vehicle comes home by itself, straight and level.
+        """Return the RTL height over a vehicle's own home; RTL is straight and level.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
@@ -172,7 +172,7 @@ class FlightSetup:
         return self.layers.return_up_m(vehicle) - self.frame.up_m(self.pad_of(vehicle).alt_m)
 
     def obstacles_for(self, vehicle: str) -> DetourObstacles:
-        """Return what a vehicle's ways lead around.
+        """Return the obstacles that a vehicle's paths lead around.
 
         Raises:
             SafetyError: there are areas, and the fleet has no vehicle of this name.
@@ -184,7 +184,7 @@ class FlightSetup:
         return DetourObstacles(others, column_radius_m(self.layers.layer_m), areas)
 
     def areas_at(self, vehicle: str, place_m: tuple[float, float]) -> list[Area]:
-        """Return the areas that a vehicle must keep out of, and a place, east and north, is in with their margins."""
+        """Return the areas that a vehicle must avoid and whose margin contains a place, given as east and north."""
         areas, place = [one.area for one in self.kept_out if vehicle in one.vehicles], np.array([place_m])
         return [area for area in areas if build_area_graph(area).is_inside(place)[0]]
 
@@ -200,28 +200,28 @@ def plan_flight_setup(
     terrain: Terrain | None = None,
     bases: Mapping[str, Pad] = MappingProxyType({}),
 ) -> FlightSetup:
-    """Choose layers, and pads unless they are given, for a fleet over a network.
+    """Choose layers for a fleet over a network, and pads unless given.
 
     Args:
         network: The part to inspect.
         vehicles: Names, from the lowest layer to the highest.
         inspection: Heights, speeds and distances.
-        pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot and the bases.
-        stated: Pads of some vehicles that are not to be chosen.
-        areas: That no pad is chosen in; `reach.apply_areas` makes flights keep out of them.
-        terrain: The ground, where a raster knows it; all pylons' heights must then be known.
-        bases: Around which those stand, by name, who do not stand at the depot.
+        pads: Actual pads, once known; otherwise they are placed around the depot and the bases.
+        stated: Fixed pads of some vehicles.
+        areas: Areas without pads; `area_rules.apply_areas` keeps flights out of them.
+        terrain: The ground, where covered by a raster; all pylon heights must then be known.
+        bases: By vehicle name: the base of each vehicle that does not stand at the depot.
 
     Raises:
         ElevationError: a part of the ground between lines and pads is not known.
-        NetworkError: the heights of some pylons are not known, and the ground is not claimed to be flat.
-        SafetyError: there is no room for the pads, or the heights are below the depot's ground.
+        NetworkError: the heights of some pylons are not known, and the ground is not declared flat.
+        SafetyError: there is no room for the pads, or heights are below the depot's ground.
     """
     network = with_heights(network, flat=inspection.flat)
     tracks = tracks_m(network, inspection.standoff_m)
     turns_m = NOWHERE
     if terrain is not None:
-        # Where ways begin, end or turn beside the lines; what is around areas that are far away is none.
+        # Paths begin, end or turn within this box; areas farther away do not matter.
         low_m, high_m = tracks.min(axis=(0, 1)) - DETOUR_M, tracks.max(axis=(0, 1)) + DETOUR_M
         corners_m = build_area_graph(*areas).nodes_m
         near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
@@ -245,7 +245,7 @@ def plan_flight_setup(
 
 
 def put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
-    """Return pads at the height of the raster's ground, which is known there: known_ground has looked."""
+    """Return pads at the raster's ground height, which build_known_ground has checked."""
     ground_m = terrain.elevation.interpolate_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
     return tuple(replace(pad, alt_m=alt_m) for pad, alt_m in zip(pads, ground_m, strict=True))
 
@@ -253,18 +253,18 @@ def put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]
 def check_separation(
     paths: Sequence[FlightPath], layer_m: float, *, home_alt_m: Mapping[str, float] | None = None
 ) -> list[str]:
-    """Return in words which paths come nearer to each other than ``layer_m``; empty if none do.
+    """Return messages on paths that come nearer to each other than ``layer_m``; empty if none do.
 
     Args:
-        paths: One for each vehicle.
-        layer_m: The distance that any two must keep.
-        home_alt_m: Height above mean sea level of each vehicle's home, by name; all the same if not given.
+        paths: One per vehicle.
+        layer_m: Minimum distance between any two.
+        home_alt_m: Height above mean sea level of each vehicle's home, by name; all equal if not given.
     """
     violations = []
     for path_a, path_b in itertools.combinations(paths, 2):
         homes = (0.0, 0.0) if home_alt_m is None else (home_alt_m[path_a.vehicle], home_alt_m[path_b.vehicle])
         nearest = _find_nearest_legs(path_a, path_b, homes)
-        # A millimetre for the rounding of coordinates.
+        # A millimetre of tolerance for rounded coordinates.
         if nearest is not None and nearest[0] < layer_m - 1e-3:
             least_m, leg_a, leg_b = nearest
             violations.append(
@@ -277,7 +277,7 @@ def check_separation(
 def _find_nearest_legs(
     path_a: FlightPath, path_b: FlightPath, homes_m: tuple[float, float]
 ) -> tuple[float, int, int] | None:
-    """Return the least distance and the two legs, by the waypoint that each ends at; None where one stays down."""
+    """Return the least distance and the two legs, by end waypoint index; None where a vehicle stays on the ground."""
     if not path_a.waypoints or not path_b.waypoints:
         return None
     first = path_a.waypoints[0]

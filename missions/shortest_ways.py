@@ -1,10 +1,10 @@
-"""Shortest ways around outlines that keep their distance from all of them.
+"""Find shortest paths around outlines at a clearance from all of them.
 
-An obstacle is outlines and a distance that is kept from them: an area, a line that others fly along, or one place, the
-middle of a column. A shortest way turns at convex corners only, on an arc about the corner. The arc is flown as a few
-straight legs that touch it from outside; where they meet are the nodes between which the shortest way is looked for.
+An obstacle is a set of outlines and a clearance: an area, a line that others fly along, or a single place, the centre
+of a column. A shortest path turns only at convex corners, on an arc about the corner. The arc is flown as a few
+straight legs tangent to it from outside; the places where they meet are the nodes of the path search.
 
-All that does not depend on where a way begins and ends is made once for the same obstacles, and kept.
+Data that does not depend on a path's start and goal is computed once per set of obstacles and cached.
 """
 
 from __future__ import annotations
@@ -24,46 +24,46 @@ from missions.validation import Figure
 Place = tuple[float, float]
 
 TURN = math.radians(30.0)
-"""The most that a way turns at one node."""
+"""Largest turn of a path at one node."""
 SLACK_SHARE, SLACK_M = 0.01, 0.02
-"""Nodes are this much farther out: legs between them stay clear also when places are rounded to a centimetre."""
+"""Nodes are this much farther out, so that legs between them stay clear after rounding to a centimetre."""
 ROUNDING_M = 1e-6
 AT_ONCE = 1_000_000
-"""Legs times corners that are looked at in one step."""
+"""Leg and corner pairs checked in one step."""
 REMEMBERED = 50_000
-"""Places that graphs remember what is seen from."""
+"""Number of places for which graphs cache the visible nodes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """What is flown around."""
+    """An obstacle to fly around."""
 
     rings_m: tuple[Ring, ...]
-    """Closed outlines, those of holes too; or lines, or single places."""
+    """Closed outlines, including those of holes; or lines, or single places."""
     keep_m: Figure
-    """The distance that is kept."""
+    """Clearance."""
     is_line: bool = False
     """Whether the rings are open lines or single places, with nothing inside."""
 
 
 def build_obstacle(area: Area) -> Obstacle:
-    """Return an area as what is flown around."""
+    """Return an area as an obstacle."""
     return Obstacle(area.rings_m, area.keep_m, area.is_line)
 
 
 def build_column(centre_m: Place, radius_m: float) -> Obstacle:
-    """Return a column of air as what is flown around."""
+    """Return a column of air as an obstacle."""
     return Obstacle(((centre_m,),), radius_m, is_line=True)
 
 
 @lru_cache(maxsize=64)
 def build_visibility_graph(obstacles: tuple[Obstacle, ...]) -> VisibilityGraph:
-    """Return the graph of ways around some obstacles; that of the same ones is made once."""
+    """Return the visibility graph of obstacles, cached for equal obstacles."""
     return VisibilityGraph(obstacles)
 
 
 def build_area_graph(*areas: Area) -> VisibilityGraph:
-    """Return the graph of ways around some areas."""
+    """Return the visibility graph of areas."""
     return build_visibility_graph(tuple(map(build_obstacle, areas)))
 
 
@@ -82,12 +82,12 @@ class _Shape:
         self.after = np.concatenate(
             [first + (np.arange(size) + 1) % size for first, size in zip(firsts, sizes, strict=True)]
         )
-        """For each corner the next of its ring."""
+        """Next corner in the ring, for each corner."""
         self.centre_m = (self.begins_m.min(axis=0) + self.begins_m.max(axis=0)) / 2
         self.radius_m = float(np.hypot(*(self.begins_m - self.centre_m).T).max()) + self.keep_m
 
     def is_hit(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
-        """Return (n,) whether straight legs between places outside come nearer than is kept."""
+        """Return (n,) whether straight legs between places outside come nearer than the clearance."""
         along_m = goals_m - starts_m
         passed_m = find_nearest_on_legs(self.centre_m[np.newaxis], starts_m, along_m)[0][0]
         found = np.zeros(len(starts_m), dtype=np.bool_)
@@ -107,15 +107,15 @@ class _Shape:
         np.clip(share, 0.0, 1.0, out=share)
         apart = (off_e - share * along_e) ** 2 + (off_n - share * along_n) ** 2
         near = apart.min(axis=1) < (self.keep_m - ROUNDING_M) ** 2
-        left = along_e * off_n - along_n * off_e  # on which side of the leg corners are
+        left = along_e * off_n - along_n * off_e  # side of the leg on which each corner lies
         edges = self.ends_m - self.begins_m
-        start_left = edges[:, 1] * off_e - edges[:, 0] * off_n  # on which side of the edges the leg's ends are
+        start_left = edges[:, 1] * off_e - edges[:, 0] * off_n  # side of each edge on which the leg's ends lie
         goal_left = start_left + edges[:, 0] * along_n - edges[:, 1] * along_e
         crossed = (left * left[:, self.after] < 0) & (start_left * goal_left < 0)
         return np.asarray(near | crossed.any(axis=1))
 
     def is_inside(self, places_m: FloatArray) -> BoolArray:
-        """Return (n,) whether places are nearer than is kept, or enclosed."""
+        """Return (n,) whether places are within the clearance, or enclosed."""
         found = np.hypot(*(places_m - self.centre_m).T) < self.radius_m
         which, step = np.flatnonzero(found), max(1, AT_ONCE // len(self.begins_m))
         for first in range(0, len(which), step):
@@ -127,7 +127,7 @@ class _Shape:
         return np.asarray(found)
 
     def nodes_m(self) -> Iterator[FloatArray]:
-        """Yield (k, 2) places around every convex corner, between which legs keep the distance."""
+        """Yield (k, 2) places around every convex corner, such that legs between them keep the clearance."""
         for ring in self.rings_m:
             before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
             for corner, came, goes in zip(ring, before, after, strict=True):
@@ -144,7 +144,7 @@ class _Shape:
                     yield corner + out_m * np.column_stack((np.cos(angles), np.sin(angles)))
 
     def ways_out_m(self, place_m: FloatArray) -> FloatArray:
-        """Return (k, 2) places just outside that a place inside may be left to."""
+        """Return (k, 2) places just outside to which a place inside can exit."""
         edges = self.ends_m - self.begins_m
         (_, share) = find_nearest_on_legs(place_m[np.newaxis], self.begins_m, edges)
         on_m = self.begins_m + share[0, :, np.newaxis] * edges
@@ -158,7 +158,7 @@ class _Shape:
 
 
 class VisibilityGraph:
-    """The nodes around some obstacles, and the shortest ways between them."""
+    """The nodes around obstacles, and the shortest paths between them."""
 
     def __init__(self, obstacles: tuple[Obstacle, ...]) -> None:
         self._shapes = [_Shape(obstacle) for obstacle in obstacles]
@@ -170,14 +170,14 @@ class VisibilityGraph:
         self._reached: dict[Place, tuple[FloatArray, IntArray]] = {}
 
     def is_inside(self, places_m: FloatArray) -> BoolArray:
-        """Return (n,) whether (n, 2) places are in an obstacle, or nearer to it than is kept."""
+        """Return (n,) whether (n, 2) places are in an obstacle, or within its clearance."""
         found = np.zeros(len(places_m), dtype=np.bool_)
         for shape in self._shapes:
             found |= shape.is_inside(places_m)
         return found
 
     def is_blocked(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
-        """Return (n,) whether straight legs between (n, 2) places outside come nearer than is kept."""
+        """Return (n,) whether straight legs between (n, 2) places outside come nearer than the clearance."""
         found = np.zeros(len(starts_m), dtype=np.bool_)
         for shape in self._shapes:
             open_ = np.flatnonzero(~found)
@@ -185,21 +185,21 @@ class VisibilityGraph:
         return found
 
     def is_met(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
-        """Return (n,) whether straight legs between (n, 2) places come nearer than is kept, or begin or end inside."""
+        """Return (n,) whether straight legs between (n, 2) places violate the clearance, or begin or end inside."""
         ends = self.is_inside(starts_m) | self.is_inside(goals_m)
         return np.asarray(ends | self.is_blocked(starts_m, goals_m))
 
     def is_triangle_free(self, corners_m: FloatArray) -> bool:
-        """Return whether nothing of a triangle of (3, 2) corners is in an obstacle, or nearer to it than is kept."""
+        """Return whether no part of a triangle of (3, 2) corners is in an obstacle or within its clearance."""
         if self.is_inside(corners_m).any() or self.is_blocked(corners_m, np.roll(corners_m, 1, axis=0)).any():
             return False
-        # What is in there and meets no side is all in there.
+        # An outline inside the triangle that crosses none of its sides lies entirely inside.
         return not any(is_in_triangles(shape.begins_m, corners_m[np.newaxis]).any() for shape in self._shapes)
 
     def ways_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray | None]:
-        """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.
+        """Return (w, 2) corners of a shortest path for each of (n, 2) starts to its goal.
 
-        None stands for no way, also where the goal is in an obstacle.
+        None stands for no path, including a goal in an obstacle.
         """
         starts, goals = [_to_place(one) for one in starts_m], [_to_place(one) for one in goals_m]
         every = list(dict.fromkeys((*starts, *goals)))
@@ -226,7 +226,7 @@ class VisibilityGraph:
         return ways
 
     def _way_from_inside_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray | None:
-        """Return the corners of a way that leaves an obstacle by the nearest way out; None if there is none."""
+        """Return the corners of a path that leaves an obstacle by the nearest exit; None if there is none."""
         outs_m = np.concatenate([one.ways_out_m(start_m) for one in self._shapes if one.is_inside(start_m[np.newaxis])])
         outs_m = outs_m[~self.is_inside(outs_m)]
         if not len(outs_m):
@@ -236,7 +236,7 @@ class VisibilityGraph:
         return None if rest_m is None else np.concatenate((out_m, rest_m))
 
     def is_cut_off(self, start_m: FloatArray, goals_m: FloatArray) -> BoolArray:
-        """Return (n,) whether no way leads from a place to (n, 2) others."""
+        """Return (n,) whether no path leads from a place to (n, 2) others."""
         ways = self.ways_m(np.broadcast_to(start_m, goals_m.shape), goals_m)
         return np.array([way_m is None for way_m in ways], dtype=np.bool_)
 
@@ -256,7 +256,7 @@ class VisibilityGraph:
             self._seen[place] = row
 
     def _find_shortest_from(self, start: Place) -> tuple[FloatArray, IntArray]:
-        """Return (n,) lengths of shortest ways to all nodes, and the first node of each."""
+        """Return (n,) lengths of shortest paths to all nodes, and the first node of each."""
         if start not in self._reached:
             between_m, _ = self._find_all_shortest()
             total_m = self._seen[start][:, np.newaxis] + between_m
@@ -273,7 +273,7 @@ class VisibilityGraph:
         return way
 
     def _find_all_shortest(self) -> tuple[FloatArray, IntArray]:
-        """Return (n, n) lengths of shortest ways between nodes, and the node that follows on each (Floyd, Warshall)."""
+        """Return (n, n) lengths of shortest paths between nodes, and the next node of each (Floyd, Warshall)."""
         if self._between is None:
             count = len(self.nodes_m)
             ones, others = np.triu_indices(count, 1)
@@ -294,7 +294,7 @@ class VisibilityGraph:
 
 
 def _orient(ring: Ring, number: int, *, is_line: bool) -> FloatArray:
-    """Return (k, 2) corners with what is forbidden to the left; a line is gone along there and back."""
+    """Return (k, 2) corners with the forbidden side to the left; a line is traced in both directions."""
     corners = np.array(ring, dtype=np.float64).reshape(-1, 2)
     if is_line:
         return np.concatenate((corners, corners[-2:0:-1]))

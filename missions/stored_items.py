@@ -1,4 +1,4 @@
-"""What ArduPilot makes of a mission item as it stores it, and so what comes back."""
+"""Predict how ArduPilot stores a mission item, and so how it reads back."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from missions.items import PAYLOAD, PLAIN_FRAMES, Command, Frame, MissionItem
 
 
 def predict_stored_item(item: MissionItem) -> MissionItem:
-    """Return an item as ArduPilot will send it back.
+    """Return an item as ArduPilot will return it.
 
-    Measured: `current` is 0 everywhere, DO_CHANGE_SPEED and RTL come back with frame 0 and without a place. From
-    AP_Mission.cpp: frames with and without _INT are one, heights are cut to centimetres, the hold to whole seconds, and
-    of a landing's param4 the sign stays.
+    Measured: `current` is always 0, DO_CHANGE_SPEED and RTL return frame 0 and no place. From AP_Mission.cpp: frames
+    with and without _INT are equivalent, heights are truncated to centimetres, the hold to whole seconds, and of a
+    landing's param4 only the sign is kept.
     """
     is_relative = PLAIN_FRAMES.get(item.frame, item.frame) == Frame.GLOBAL_RELATIVE_ALT
     stored = replace(item, current=False, frame=Frame.GLOBAL_RELATIVE_ALT if is_relative else Frame.GLOBAL)
@@ -35,7 +35,7 @@ def predict_stored_item(item: MissionItem) -> MissionItem:
 
 
 def _predict_payload(item: MissionItem) -> MissionItem:
-    """Return an item for a camera or a gimbal as AP_Mission keeps it, by its source: what has no room there is 0."""
+    """Return a camera or gimbal item as AP_Mission stores it, by its source: fields without storage become 0."""
     match item.command:
         case Command.DO_SET_CAM_TRIGG_DIST:
             return replace(item, param2=0.0, param4=0.0, x=0, y=0, z=0.0)

@@ -1,16 +1,16 @@
-"""The height that the lowest vehicle flies at, over every place of the area: near a line the line's own flight height.
+"""Compute the flight height of the lowest layer over the area: near a line, that line's own flight height.
 
-Between the lines it is the mean of the lowest and the highest function through the lines' heights whose slope nowhere
-exceeds a bound (the two Lipschitz extensions of McShane and Whitney). So the slope of the surface has a proven bound,
-it never leaves the range of the heights that it was made from, and on a lone line it is the line's height exactly.
+Between lines it is the mean of the lowest and the highest function through the lines' heights whose slope nowhere
+exceeds a bound (the two Lipschitz extensions of McShane and Whitney). The slope of the surface therefore has a proven
+bound, it stays within the range of its input heights, and on a single line it matches the line's height exactly.
 
-Over ground that a raster knows it also keeps above the floor of the flights and, where it can, below their roof
-(`terrain`), which are no steeper either: on the lines it is the lines' height all the same.
+Over ground covered by a raster it also stays above the flight floor and, where possible, below the flight roof
+(`terrain`), which are no steeper. On the lines it still matches the lines' height.
 
-The steeper it may be there, the less a slope beside a line lifts the line's inspection, and the farther apart the
-layers must be. Chosen is the slope at which vehicles are the least above what was asked, in the mean of all. Over hills
-a transit is no straight leg: over a ridge it costs its climb. For prices the surface is asked on a grid, which plan
-files keep, at a few places along each way.
+A steeper surface means that a slope next to a line raises the line's inspection less, but the layers must be farther
+apart. The chosen slope minimizes the mean height of the vehicles above the requested height. Over hills a transit is
+not a straight leg: crossing a ridge costs the climb. For pricing, the surface is sampled on a grid, which plan files
+store, at a few places along each path.
 """
 
 from __future__ import annotations
@@ -27,60 +27,60 @@ from missions.inspection_defaults import Inspection
 from missions.terrain import Grid, KnownGround
 
 DATA_STEP_M = 20.0
-"""Distance of the points along a line that carry the surface; coarser for very long networks."""
+"""Spacing of the points along a line that define the surface; coarser for very long networks."""
 MAX_DATA = 1500
 CHECK_STEP_M = 4.0
-"""Distance of the points at which legs are held against the surface."""
+"""Spacing of the points at which legs are checked against the surface."""
 CHECK_OVER_M = 2.0
-"""The same over ground that a raster knows, where the surface is steeper."""
+"""The same over ground covered by a raster, where the surface is steeper."""
 MAX_CHECKS = 12_000
 FOLLOW_M = 0.5
-"""Legs off the lines keep this near to the surface at the points that are checked."""
+"""Greatest height error of legs off the lines at the checked points."""
 TRIANGLE_STEPS = 60
-"""Of the distance of the checked points, along a triangle's longest side: 2000 points in all."""
+"""Steps along a triangle's longest side, in units of the check spacing: 2000 points in all."""
 ROUNDING_M = 1e-3
-"""Coordinates of waypoints are rounded to less."""
+"""Tolerance; waypoint coordinates are rounded to less."""
 SLOPES = (0.02, 0.05, 0.08, 0.12, 0.16, 0.2, 0.3, 0.45, 0.7, 1.0)
-"""Bounds to choose from; a steep surface follows crossing lines better and costs more height between the layers."""
+"""Candidate slope bounds; a steep surface follows crossing lines better and costs more height between layers."""
 MATRIX_ENTRIES = 2_000_000
-"""Distances held at a time: 16 MB."""
+"""Distances held in memory at a time: 16 MB."""
 STEP_M = 20.0
-"""Between the nodes of the grid; more in large areas."""
+"""Spacing of the grid nodes; larger in large areas."""
 MOST_NODES = 10_000
 UNEVEN_M = 3.0
-"""A way that is nowhere farther than this from its straight one is priced as that."""
+"""A path that is nowhere farther than this from the straight one is priced as straight."""
 PIECE_M = 60.0
-"""About as long as legs over uneven ground are."""
+"""Approximate length of legs over uneven ground."""
 PIECES = (3, 6, 12, 24)
-"""In how many pieces ways are looked at, by their length."""
+"""Numbers of pieces into which paths are split for checking, by length."""
 FEW_PIECES = 6
 MANY_WAYS = 400_000
-"""More ways than these at once are looked at in few pieces."""
+"""Above this number of paths at once, each is checked in few pieces."""
 AT_ONCE = 50_000
 FOLLOW_OVER_M = 2.0
-"""Legs over uneven ground keep this near to the surface: nearer ones need more waypoints than autopilots hold."""
+"""Greatest height error of legs over uneven ground; a closer fit needs more waypoints than autopilots hold."""
 SLOPES_OVER = (0.12, 0.2, 0.3, 0.45, 0.7, 1.0)
 STEEPER = 1.42
-"""Between the nodes of a grid, where two cones meet, it is steeper than they are by up to this."""
+"""Between the nodes of a grid, where two cones meet, the slope is up to this many times theirs."""
 TRIES = 4
 SLACK_M = 1.0
-"""Below the ceiling."""
+"""Margin below the ceiling."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Heights over the depot's ground as a function of the place."""
+    """Heights over the depot's ground as a function of position."""
 
     points_m: FloatArray
-    """(n, 2) float64: east and north of the places that carry it."""
+    """(n, 2) float64: east and north of the points that define the surface."""
     heights_m: FloatArray
     """(n,) float64: their heights."""
     slope: float
-    """It rises or falls by at most this many metres a metre."""
+    """Largest slope, in metres of height per metre."""
     floor: Grid | None = None
-    """It is nowhere below; on the lines it is not above them."""
+    """Lower bound of the surface; on the lines it does not exceed their height."""
     roof: Grid | None = None
-    """It is not above, but where lines and floor are."""
+    """Upper bound of the surface, except at lines and floor."""
 
     def interpolate_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights over (m, 2) places."""
@@ -99,9 +99,9 @@ class Surface:
         return float(self.interpolate_m(np.array([[east_m, north_m]]))[0])
 
     def is_near(self, corners_m: FloatArray, tolerance_m: float) -> bool:
-        """Return whether all of a triangle of (3, 3) corners keeps as near to the surface as legs do.
+        """Return whether a whole triangle of (3, 3) corners stays as near to the surface as legs do.
 
-        One that is too wide to be looked at closely counts as one that does not, but over flat ground.
+        A triangle too wide to check closely counts as not near, except over flat ground.
         """
         flat = self.floor is None and np.ptp(self.heights_m) <= ROUNDING_M
         length_m = float(np.hypot(*(np.roll(corners_m, 1, axis=0) - corners_m)[:, :2].T).max())
@@ -116,10 +116,10 @@ class Surface:
         return bool(off_m.max() <= tolerance_m + ROUNDING_M)
 
     def follow_m(self, start_m: FloatArray, goal_m: FloatArray, tolerance_m: float) -> FloatArray:
-        """Return (w, 3) places between two (3,) places so that straight legs through them keep near the surface.
+        """Return (w, 3) places between two (3,) places so that straight legs through them stay near the surface.
 
-        Near means ``tolerance_m`` at points every ``CHECK_STEP_M``, or ``CHECK_OVER_M`` over a floor; the two ends are
-        taken as they are.
+        Near means within ``tolerance_m`` at points every ``CHECK_STEP_M``, or ``CHECK_OVER_M`` over a floor; the two
+        ends are not changed.
         """
         length_m = math.hypot(*(goal_m[:2] - start_m[:2]))
         steps = max(1, math.ceil(length_m / (CHECK_STEP_M if self.floor is None else CHECK_OVER_M)))
@@ -131,37 +131,37 @@ class Surface:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceFit:
-    """A surface, and how well it fits the lines that it was made from."""
+    """A surface, and how well it fits its input lines."""
 
     surface: Surface
     error_m: float
-    """Largest distance in height between a line's flight track and the surface."""
+    """Largest height difference between a line's flight track and the surface."""
     spacing_m: float
-    """Layers this far apart keep two vehicles ``layer_m`` apart, wherever each of them is."""
+    """Layer spacing that keeps any two vehicles ``layer_m`` apart, wherever they are."""
 
     @property
     def tolerance_m(self) -> float:
-        """Legs off the lines keep this near to the surface."""
+        """Greatest height error of legs off the lines."""
         return max(FOLLOW_M if self.surface.floor is None else FOLLOW_OVER_M, self.error_m)
 
 
 def build_flat_surface(height_m: float) -> Surface:
-    """Return a surface of one height everywhere."""
+    """Return a surface of constant height."""
     return Surface(np.zeros((1, 2)), np.array([height_m]), 0.0)
 
 
 def fit_surface(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> SurfaceFit:
-    """Return the surface through straight tracks that needs the least spacing between layers.
+    """Return the surface through straight tracks that needs the smallest layer spacing.
 
-    Two vehicles on neighbouring layers, ``d`` apart over the ground, are apart in height by the spacing, less
-    ``slope * d`` for the surface, less what each of them is off it. For all ``d`` up to ``layer_m`` this leaves
-    ``layer_m`` between them if the spacing is ``layer_m * sqrt(1 + slope^2)`` and twice what a leg may be off; the
-    latter adds ``slope * CHECK_STEP_M`` for what lies between two checked points.
+    Two vehicles on neighbouring layers at horizontal distance ``d`` are apart in height by the spacing, minus
+    ``slope * d`` for the surface, minus each vehicle's own height error. For all ``d`` up to ``layer_m`` this leaves
+    ``layer_m`` between them if the spacing is ``layer_m * sqrt(1 + slope^2)`` plus twice a leg's greatest height error,
+    which includes ``slope * CHECK_STEP_M`` for places between two checked points.
 
     Args:
         tracks_m: (n, 2, 2) float64, east and north of both ends of every inspection leg.
         heights_m: (n, 2) float64, their heights.
-        layer_m: The distance that any two vehicles must keep.
+        layer_m: Minimum distance between any two vehicles.
     """
     fits = []
     for surface, error_m in iterate_surfaces(tracks_m, heights_m):
@@ -173,7 +173,7 @@ def fit_surface(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> 
 def iterate_surfaces(
     tracks_m: FloatArray, heights_m: FloatArray, slopes: Sequence[float] = SLOPES
 ) -> Iterator[tuple[Surface, float]]:
-    """Yield a surface and its largest error for each slope; distances, the costly part, are taken once."""
+    """Yield a surface and its largest error for each slope; distances, the costly part, are computed once."""
     length_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum())
     data = sample_tracks(tracks_m, heights_m, max(DATA_STEP_M, length_m / MAX_DATA))
     checks = sample_tracks(tracks_m, heights_m, max(CHECK_STEP_M, length_m / MAX_CHECKS))
@@ -190,14 +190,14 @@ def iterate_surfaces(
 
 
 def _distances_m(places_m: FloatArray, points_m: FloatArray) -> Iterator[FloatArray]:
-    """Yield (r, n) distances of all places, some rows at a time."""
+    """Yield (r, n) distances of all places, a block of rows at a time."""
     rows = max(1, MATRIX_ENTRIES // len(points_m))
     for first in range(0, len(places_m), rows):
         yield distances_between_m(places_m[first : first + rows], points_m)
 
 
 def _extensions_m(distances_m: FloatArray, heights_m: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
-    """Return (m,) the lowest and the highest heights that the slope allows."""
+    """Return (m,) lowest and highest heights that the slope allows."""
     rise_m = slope * distances_m
     return (heights_m - rise_m).max(axis=1), (heights_m + rise_m).min(axis=1)
 
@@ -213,26 +213,26 @@ def sample_tracks(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) ->
 
 
 def _measure_off(heights_m: FloatArray) -> FloatArray:
-    """Return how far the inner heights are off what rises evenly from the first to the last."""
+    """Return the distance of the inner heights from a straight rise between the first and the last."""
     share = np.arange(1, len(heights_m) - 1) / (len(heights_m) - 1)
     return np.asarray(np.abs(heights_m[0] + share * (heights_m[-1] - heights_m[0]) - heights_m[1:-1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relief:
-    """The height of the lowest layer over every place, as flights are priced by it."""
+    """The height of the lowest layer over every place, used to price flights."""
 
     grid: Grid
 
     def iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Yield the ways that are not flown straight, some of as many pieces at once.
+        """Yield the paths that are not straight, grouped by number of pieces.
 
         Args:
-            from_m: (n, 3) float64, where ways begin.
+            from_m: (n, 3) float64, where paths begin.
             to_m: (n, 3) float64, where they end.
 
         Yields:
-            (k,) which of them, and (k, w, 3) through which places, both ends included.
+            (k,) their indices, and (k, w, 3) their places, both ends included.
         """
         most = PIECES[-1] if len(from_m) <= MANY_WAYS else FEW_PIECES
         lengths_m = np.hypot(*(to_m[:, :2] - from_m[:, :2]).T)
@@ -252,13 +252,13 @@ class Relief:
             shortest_m = longest_m
 
     def follow_surface(self, ways_m: FloatArray, pieces: int) -> FloatArray:
-        """Return (k, (w - 1) * pieces + 1, 3) ways through (k, w, 3) places that follow the surface between them."""
+        """Return (k, (w - 1) * pieces + 1, 3) paths through (k, w, 3) places that follow the surface between them."""
         share = (np.arange(pieces) / pieces)[:, np.newaxis]
         begins_m, ends_m = ways_m[:, :-1, np.newaxis], ways_m[:, 1:, np.newaxis]
         inner_m = (begins_m + share * (ends_m - begins_m)).reshape(len(ways_m), -1, 3)
         whole_m = np.concatenate((inner_m, ways_m[:, -1:]), axis=1)
         up_m = self.grid.interpolate_m(whole_m[..., :2].reshape(-1, 2)).reshape(whole_m.shape[:2])
-        # Between the nodes the grid is a little off: by as much as at the ends, which are known.
+        # Between nodes the grid has a small error, estimated from the error at the ends, which is known.
         off_first_m, off_last_m = (ways_m[:, end, 2:] - up_m[:, end, np.newaxis] for end in (0, -1))
         along = np.linspace(0.0, 1.0, whole_m.shape[1])
         return np.concatenate(
@@ -272,7 +272,7 @@ def build_relief(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Rel
     counts = np.ceil((high_m - low_m) / step_m).astype(int) + 1
     grid = Grid((float(low_m[0]), float(low_m[1])), step_m, np.zeros(tuple(counts)))
     heights_m = surface.interpolate_m(grid.places_m.reshape(-1, 2)).reshape(tuple(counts))
-    # As a plan file has it: what is read gives back the same figures.
+    # Rounded as in a plan file, so that a loaded plan gives the same figures.
     return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
 
 
@@ -280,15 +280,15 @@ def fit_overland_surface(
     known: KnownGround, inspection: Inspection, vehicles: int, tracks_m: FloatArray, pylon_m: FloatArray,
     ends: IndexArray,
 ) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
-    """Return the surface over lines and ground, and (p,) how high over the depot the lowest vehicle passes each pylon.
+    """Return the surface over lines and ground, and (p,) the lowest vehicle's height over the depot at each pylon.
 
     Args:
         known: The ground.
-        inspection: The distance between layers, and the ceiling of the highest.
-        vehicles: How many there are.
-        tracks_m: (n, 2, 2) both ends of every inspection leg.
-        pylon_m: (p,) heights over the depot that are asked for at the pylons.
-        ends: (n, 2) between which pylons each leg is.
+        inspection: The layer distance, and the ceiling of the highest layer.
+        vehicles: Number of vehicles.
+        tracks_m: (n, 2, 2) ends of every inspection leg.
+        pylon_m: (p,) requested heights over the depot at the pylons.
+        ends: (n, 2) pylons at the ends of each leg.
     """
     errors_m = {surface.slope: error_m for surface, error_m in iterate_surfaces(tracks_m, pylon_m[ends], SLOPES_OVER)}
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
@@ -308,7 +308,7 @@ def _fit_slope(
     known: KnownGround, inspection: Inspection, vehicles: int, tracks_m: FloatArray, asked_m: FloatArray,
     ends: IndexArray, slope: float, error_m: float,
 ) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
-    """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
+    """Return the surface for a slope; raised lines may fit it worse than before, and the floor depends on that."""
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     step_m = max(CHECK_STEP_M, float(lengths_m.sum()) / MAX_CHECKS)
     for _ in range(TRIES):
@@ -333,14 +333,14 @@ def _floor_error_m(error_m: float, slope: float) -> float:
 
 
 def _spacing_m(layer_m: float, slope: float, off_m: float) -> float:
-    """Return how far apart layers must be, as `fit_surface` has it."""
+    """Return the required layer spacing, see `fit_surface`."""
     return layer_m * math.hypot(1.0, slope) + 2.0 * off_m
 
 
 def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: IndexArray) -> FloatArray:
-    """Return (p,) how much higher pylons must be passed so that no inspection is below the floor."""
+    """Return (p,) how much pylon heights must be raised to keep every inspection above the floor."""
     lifts_m = np.zeros(len(pylon_m))
-    # The ends first: a slope beside the line's end then lifts that end alone.
+    # Ends first: a slope next to a line's end then raises that end only.
     for shares in (np.array([0.0, 1.0]), None):
         shorts_m = _shortfalls_m(floor, tracks_m, (pylon_m + lifts_m)[ends], shares)
         more_m = np.zeros(len(pylon_m))
@@ -352,7 +352,7 @@ def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: Index
 
 
 def _shortfalls_m(floor: Grid, tracks_m: FloatArray, heights_m: FloatArray, shares: FloatArray | None) -> FloatArray:
-    """Return (n, k) by how much inspections are below the floor, 0 where they are not."""
+    """Return (n, k) heights by which inspections are below the floor, 0 where they are not."""
     if shares is None:
         longest_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).max())
         step_m = max(CHECK_STEP_M, longest_m * len(tracks_m) / (25 * MAX_CHECKS))

@@ -1,12 +1,11 @@
-"""What the ground asks of flights: how high they must be over every place between the lines, and what is known of it.
+"""Compute the heights that the ground requires of flights between the lines, and where the ground is known.
 
-Legs are straight, so that all of them lie in the convex hull of what is inspected and of the pads. There the ground is
-known everywhere, or nobody flies. The floor of the flights is the lowest function over ground and margin that rises and
-falls by no more than a slope; their roof keeps them below the ceiling where the ground falls away.
+Legs are straight, so all of them lie in the convex hull of the inspected segments and the pads. The ground must be
+known everywhere in it, or no flight takes place. The flight floor is the lowest function above ground plus margin whose
+slope stays within a bound; the flight roof keeps flights below the ceiling where the ground falls away.
 
-How rasters were read is not said here. Their cells stay where they have them. A place is found among them by a lattice
-of places that were transformed once, a kilometre apart, between which rows and columns are straight to a few hundredths
-of a metre.
+This module does not read rasters. Cells keep their original positions. A place is located among them by a lattice of
+places transformed once, a kilometre apart; between them rows and columns are linear to a few hundredths of a metre.
 """
 
 from __future__ import annotations
@@ -29,30 +28,30 @@ from missions.network import Network
 from missions.validation import Above0, Figure, Pair, array_of
 
 AROUND_M = 60.0
-"""Beside the hull: ways lead around pads, and legs end a few metres beside their lines."""
+"""Margin around the hull: paths lead around pads, and legs end a few metres off their lines."""
 DETOUR_M = 1000.0
-"""Ways around an area may lead so far beside the hull."""
+"""Greatest distance outside the hull of a path around an area."""
 PADS_M = 200.0
-"""Vehicles may stand this far from the depot, or from their base; their pads are not known before they answer."""
+"""Greatest distance of vehicles from the depot, or their base; pads are unknown until the vehicles report them."""
 NODES_M = 10.0
-"""Between the nodes of the floor; more in large areas."""
+"""Spacing of the floor's nodes; larger in large areas."""
 MOST_NODES = 1_000_000
 UNKNOWN_M = -1e5
-"""Instead of ground beyond the area: it asks for nothing."""
+"""Ground height beyond the area: sets no constraint."""
 ROW_PLACES = 400_000
 DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
-"""Steps from node to node, and back: a cone made of them is 2.7 % flatter than a round one at most."""
+"""Steps between nodes, in both directions: a cone made of them is at most 2.7 % flatter than a round one."""
 NodeRow = Annotated[tuple[Figure, ...], Field(min_length=2)]
 """From south to north."""
 Heights = npt.NDArray[np.float32]
 EDGE = 0.5
-"""A raster knows the ground to the outer edges of its cells: half a cell beyond their middles."""
+"""In cells: a raster covers the ground to the outer edges of its cells, half a cell beyond their centres."""
 AT_ONCE = 1_000_000
-"""Places that are looked up together: some 100 MB."""
+"""Places looked up together: some 100 MB."""
 
 
 def interpolate_nodes(values: FloatArray, at: FloatArray) -> FloatArray:
-    """Return (m, ...) what (easts, norths, ...) nodes have at (m, 2) places, counted in nodes; beyond, straight on."""
+    """Return (m, ...) values of (easts, norths, ...) nodes at (m, 2) places in node units; extrapolate linearly."""
     node = np.clip(np.floor(at).astype(np.intp), 0, np.array(values.shape[:2]) - 2)
     share_e, share_n = (at - node).T.reshape(2, -1, *(1 for _ in values.shape[2:]))
     e, n = node.T
@@ -66,26 +65,26 @@ class Tile:
     """Cells of one raster."""
 
     heights_m: Heights
-    """(rows, columns) above mean sea level at the middles of the cells; not a number where nobody knows."""
+    """(rows, columns) above mean sea level at the cell centres; NaN where unknown."""
     highest_m: Heights
-    """The same array, or where cells were combined the highest of each."""
+    """The same array, or the highest of each group where cells were combined."""
     low_m: tuple[float, float]
     """East and north of the lattice's first node."""
     step_m: float
-    """Between nodes of the lattice."""
+    """Spacing of the lattice nodes."""
     lattice: FloatArray
-    """(easts, norths, 2) float64: row and column at its nodes; whole numbers are the middles of cells."""
+    """(easts, norths, 2) float64: row and column at its nodes; whole numbers are cell centres."""
     cell_m: float
-    """How large a cell is over the ground."""
+    """Cell size over the ground."""
 
     def to_rows_columns(self, places_m: FloatArray) -> FloatArray:
         """Return (m, 2) rows and columns of (m, 2) places."""
         return interpolate_nodes(self.lattice, (places_m - np.array(self.low_m)) / self.step_m)
 
     def find_cells_around(self, places_m: FloatArray) -> tuple[IndexArray, IndexArray, FloatArray]:
-        """Return (m, 4) rows and columns of the cells around places, and (m, 4) their shares in what lies between.
+        """Return (m, 4) rows and columns of the cells around places, and (m, 4) their interpolation weights.
 
-        Where a place is outside of the raster the shares are not numbers.
+        Weights are NaN where a place is outside the raster.
         """
         at = self.to_rows_columns(places_m)
         most = np.array(self.heights_m.shape) - 1
@@ -101,13 +100,13 @@ class Tile:
         return rows, columns, shares
 
     def reduce_around(self, cells_m: Heights, places_m: FloatArray, best: np.ufunc) -> FloatArray:
-        """Return (m,) the best of the cells around places; not a number where a place is outside of the raster."""
+        """Return (m,) the best of the cells around places; NaN where a place is outside the raster."""
         rows, columns, shares = self.find_cells_around(places_m)
         found_m = best.reduce(cells_m[rows, columns], axis=1).astype(np.float64)
         return np.where(np.isnan(shares[:, 0]), np.nan, found_m)
 
     def is_near_edge(self, places_m: FloatArray) -> BoolArray:
-        """Return (m,) which places have the raster's edge within a cell: the next raster knows what is beyond."""
+        """Return (m,) whether places lie within a cell of the raster's edge; the next raster covers what is beyond."""
         at = self.to_rows_columns(places_m)
         return np.asarray(((at < 1.0) | (at > np.array(self.heights_m.shape) - 2.0)).any(axis=1))
 
@@ -117,19 +116,19 @@ class Elevation:
     """Heights above mean sea level over an area, in the local metres of a frame."""
 
     frame: LocalFrame
-    """Whose east and north places are given in."""
+    """Frame of east and north."""
     tiles: tuple[Tile, ...]
-    """Those of the smallest cells first: what they do not know, the next may."""
+    """Smallest cells first; a tile fills the gaps of those before it."""
     source: str
     """The files, for messages."""
     vertical: str
-    """What the rasters' heights were counted from, for messages."""
+    """Vertical reference of the rasters' heights, for messages."""
     uncertainty_m: float
-    """Nine of ten heights are nearer than this to the truth."""
+    """Error that 90 % of the heights stay within."""
     remarks: tuple[str, ...] = ()
-    """What was found when it was read, in words."""
+    """Findings from reading the rasters, for messages."""
     digest: str = field(init=False, repr=False)
-    """Of all cells: two of the same digest are the same ground."""
+    """Digest of all cells: equal digests mean the same ground."""
 
     def __post_init__(self) -> None:
         whole = hashlib.sha256(f"{self.frame.lat_deg} {self.frame.lon_deg} {self.uncertainty_m}".encode())
@@ -140,11 +139,11 @@ class Elevation:
 
     @property
     def cell_m(self) -> float:
-        """The size of the smallest cells."""
+        """Size of the smallest cells."""
         return self.tiles[0].cell_m
 
     def interpolate_m(self, places_m: FloatArray) -> FloatArray:
-        """Return (m,) the ground's heights at (m, 2) places, between the cells; not a number where nobody knows."""
+        """Return (m,) interpolated ground heights at (m, 2) places; NaN where unknown."""
 
         def between(tile: Tile, places_m: FloatArray) -> FloatArray:
             rows, columns, shares = tile.find_cells_around(places_m)
@@ -153,15 +152,15 @@ class Elevation:
         return self._look_up(places_m, between, lambda known, other: np.where(np.isnan(known), other, known))
 
     def highest_m(self, places_m: FloatArray) -> FloatArray:
-        """Return (m,) heights that the ground at (m, 2) places is not above: of the highest of the cells around."""
+        """Return (m,) upper bounds of the ground at (m, 2) places: the highest of the cells around."""
         return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.highest_m, at_m, np.maximum), np.fmax)
 
     def lowest_m(self, places_m: FloatArray) -> FloatArray:
-        """Return (m,) heights that the ground at (m, 2) places is not below: of the lowest of the cells around."""
+        """Return (m,) lower bounds of the ground at (m, 2) places: the lowest of the cells around."""
         return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.heights_m, at_m, np.minimum), np.fmin)
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
-        """Return (norths, easts) heights between the cells on a regular grid, for who draws it."""
+        """Return (norths, easts) interpolated heights on a regular grid, for drawing."""
         rows = [
             self.interpolate_m(np.column_stack((easts_m, np.full(len(easts_m), north)))) for north in norths_m.tolist()
         ]
@@ -180,7 +179,7 @@ class Elevation:
         wanted = np.arange(len(places_m))
         for tile in self.tiles:
             found[wanted] = joined(found[wanted], look(tile, places_m[wanted]))
-            # At a seam the cells around a place are of two rasters.
+            # At a seam the cells around a place belong to two rasters.
             wanted = wanted[np.isnan(found[wanted]) | tile.is_near_edge(places_m[wanted])]
             if not len(wanted):
                 break
@@ -194,18 +193,18 @@ class Grid:
     low_m: Pair
     """East and north of the first node."""
     step_m: Above0
-    """Between nodes."""
+    """Spacing of the nodes."""
     heights_m: Annotated[FloatArray, array_of(Annotated[tuple[NodeRow, ...], Field(min_length=2)])]
     """(easts, norths) float64."""
 
     def interpolate_m(self, places_m: FloatArray) -> FloatArray:
-        """Return (m,) heights at (m, 2) places; beyond the grid those of its edge."""
+        """Return (m,) heights at (m, 2) places; beyond the grid, those of its edge."""
         at = (places_m - np.array(self.low_m)) / self.step_m
         return interpolate_nodes(self.heights_m, np.clip(at, 0.0, np.array(self.heights_m.shape) - 1))
 
     @property
     def slope(self) -> float:
-        """The steepest of what lies between the nodes: it is so at one of them, of one of the cells around it."""
+        """Steepest slope between nodes; it occurs at a node, in one of the cells around it."""
         up_e, up_n = np.diff(self.heights_m, axis=0) ** 2, np.diff(self.heights_m, axis=1) ** 2
         corners = (up_e[:, north] + up_n[east] for north in (slice(None, -1), slice(1, None)) for east in (
             slice(None, -1), slice(1, None)))  # fmt: skip
@@ -213,69 +212,69 @@ class Grid:
 
     @property
     def places_m(self) -> FloatArray:
-        """(easts, norths, 2) float64: where its nodes are."""
+        """(easts, norths, 2) float64: positions of its nodes."""
         axes = (self.low_m[axis] + self.step_m * np.arange(self.heights_m.shape[axis]) for axis in (0, 1))
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
 GROUND_MARGIN_M = 20.0
-"""How far over the ground flights stay where nothing else is said."""
+"""Default distance of flights above ground."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terrain:
-    """The ground, and how far flights keep from it."""
+    """The ground, and the distance of flights from it."""
 
     elevation: Elevation
     margin_m: float = GROUND_MARGIN_M
-    """Over the ground, beside its uncertainty."""
+    """Above ground, in addition to its uncertainty."""
     line_margin_m: float | None = None
-    """Over the tops of lines; None: as without terrain, a share of the inspection height."""
+    """Above the tops of lines; None: a share of the inspection height, as without terrain."""
 
     @property
     def kept_m(self) -> float:
-        """How far over the ground of the raster every leg is."""
+        """Least height of every leg above the raster's ground."""
         return self.margin_m + self.elevation.uncertainty_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownGround:
-    """The ground of the area that flights may be over, in heights over the depot's."""
+    """The ground under the flight area, as heights over the depot's."""
 
     corners_m: FloatArray
-    """(k, 2) float64: of the area, convex, counter-clockwise."""
+    """(k, 2) float64: corners of the area, convex, counter-clockwise."""
     highest: Grid
-    """Nowhere below the ground, as the raster has it; `UNKNOWN_M` outside of the area."""
+    """Upper bound of the raster's ground; `UNKNOWN_M` outside the area."""
     lowest: Grid
-    """Nowhere above it; its negative outside."""
+    """Lower bound of the ground; minus `UNKNOWN_M` outside."""
     kept_m: float
-    """How far over the ground every leg is."""
+    """Least height of every leg above ground."""
 
     @property
     def bottom(self) -> tuple[float, FloatArray]:
-        """The height of the lowest ground, and (2,) where it is."""
+        """Height of the lowest ground, and its (2,) place."""
         grid = self.lowest
         at = np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape)
         return float(grid.heights_m[at]), np.array(grid.low_m) + grid.step_m * np.array(at)
 
     def build_floor(self, over_m: float, slope: float) -> Grid:
-        """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
+        """Return the lowest heights at least ``over_m`` above ground that do not exceed a slope."""
         return limit_slope(replace(self.highest, heights_m=self.highest.heights_m + over_m), slope, np.maximum)
 
     def build_roof(self, over_m: float, slope: float) -> Grid:
-        """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
+        """Return the highest heights at most ``over_m`` above ground that do not exceed a slope."""
         return limit_slope(replace(self.lowest, heights_m=self.lowest.heights_m + over_m), -slope, np.minimum)
 
 
 def flight_area_m(places_m: FloatArray) -> FloatArray:
-    """Return (k, 2) the corners of what flights between places are over."""
+    """Return (k, 2) corners of the area that flights between places may be over."""
     aside = AROUND_M * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
     depot = PADS_M * np.array([(1, 0), (0.7, 0.7), (0, 1), (-0.7, 0.7), (-1, 0), (-0.7, -0.7), (0, -1), (0.7, -0.7)])
     return hull_m(np.concatenate(((places_m[:, np.newaxis] + aside).reshape(-1, 2), depot)))
 
 
 def around_bases_m(bases_m: Iterable[tuple[float, float]]) -> FloatArray:
-    """Return (m, 2) places around bases, among which the vehicles of a base stand."""
+    """Return (m, 2) places around bases that enclose the pads of their vehicles."""
     off_m = PADS_M - AROUND_M
     around = [(east + e, north + n) for east, north in bases_m for e in (-off_m, off_m) for n in (-off_m, off_m)]
     return np.array(around, dtype=np.float64).reshape(-1, 2)
@@ -284,12 +283,12 @@ def around_bases_m(bases_m: Iterable[tuple[float, float]]) -> FloatArray:
 def reading_box_m(
     network: Network, beside_m: float = AROUND_M, bases_m: Iterable[tuple[float, float]] = ()
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the south-western and north-eastern corners of what must be read of rasters.
+    """Return the south-western and north-eastern corners of the area to read from rasters.
 
     Args:
-        network: Over which is flown.
-        beside_m: How far beside.
-        bases_m: From where.
+        network: Network to fly over.
+        beside_m: Margin around it.
+        bases_m: Take-off places.
     """
     corners_m = flight_area_m(np.concatenate((network.positions_m, around_bases_m(bases_m))))
     margin_m = beside_m + 4.0 * _node_step_m(corners_m)
@@ -307,19 +306,19 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
 
     Args:
         terrain: The ground.
-        places_m: (m, 2) where legs begin and end.
-        frame: Whose depot heights are counted from.
-        network: To name what is near.
+        places_m: (m, 2) ends of legs.
+        frame: Frame of the depot that heights refer to.
+        network: Names places in messages.
 
     Raises:
-        ElevationError: a part of it is not known: one line with its place.
+        ElevationError: a part of it is not known; one line with its place.
     """
     corners = flight_area_m(places_m)
     low_m, high_m = corners.min(axis=0), corners.max(axis=0)
     step_m = _node_step_m(corners)
     low_m = low_m - 2.0 * step_m
     counts = np.ceil((high_m - low_m) / step_m).astype(int) + 4
-    # Between looks is half a cell of the raster at most, so that none of its cells is missed.
+    # Samples are at most half a raster cell apart, so that no cell is missed.
     looks = max(1, math.ceil(step_m / (0.5 * terrain.elevation.cell_m)))
     easts_m = low_m[0] + step_m / looks * np.arange((counts[0] - 1) * looks + 1)
     sides = (
@@ -341,7 +340,7 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
                 raise build_unknown_ground_error(terrain.elevation, flat_m[holes][0], frame, network)
             own_m[:, first:last] = _reduce_blocks(up_m.reshape(looked_m.shape[:2]), looks, best)
     start = (float(low_m[0]), float(low_m[1]))
-    # At a node is the best of the cells around it, so that what is between nodes is the best of no cell.
+    # A node holds the best of the cells around it, so that interpolation between nodes stays a bound for every cell.
     highest, lowest = (
         Grid(start, step_m, _reduce_blocks(np.pad(own_m, 1, constant_values=beyond_m), 1, best))
         for own_m, (best, beyond_m, _) in zip(cells_m, sides, strict=True)
@@ -352,7 +351,7 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
 def build_unknown_ground_error(
     elevation: Elevation, place_m: FloatArray, frame: LocalFrame, network: Network
 ) -> ElevationError:
-    """Return the error that says where nobody knows the ground."""
+    """Return the error that reports where the ground is not known."""
     return ElevationError(
         f"{elevation.source}: no-data: expected the ground's height everywhere between the lines and the pads, none "
         f"{describe_ground_place(place_m, frame, network)}"
@@ -360,7 +359,7 @@ def build_unknown_ground_error(
 
 
 def describe_ground_place(place_m: FloatArray, frame: LocalFrame, network: Network) -> str:
-    """Return where a place is: "at 46.60123, 10.40021, 120 m from pylon 'P17'"."""
+    """Return a description of a place: "at 46.60123, 10.40021, 120 m from pylon 'P17'"."""
     lat_deg, lon_deg = frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
     away_m = np.hypot(*(network.positions_m - place_m).T)
     nearest = int(away_m.argmin())
@@ -368,21 +367,21 @@ def describe_ground_place(place_m: FloatArray, frame: LocalFrame, network: Netwo
 
 
 def _reduce_blocks(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
-    """Return the best of what was looked at in each block of so many steps on a side, its edges included."""
+    """Return the best of the samples in each square block, its edges included."""
     blocks = sliding_window_view(looked_m, (looks + 1, looks + 1))[::looks, ::looks]
     return np.asarray(best.reduce(blocks, axis=(2, 3)), dtype=np.float64)
 
 
 def limit_slope(grid: Grid, slope: float, best: np.ufunc) -> Grid:
-    """Return the nearest grid that rises and falls by no more than a slope.
+    """Return the nearest grid whose slope stays within a bound.
 
-    At every node it is the best of what cones from all others leave there: steps of 1, 2, 4 ... nodes one after
-    another, each taken or not, make every distance along a direction.
+    At every node it is the best value left there by the cones of all others: steps of 1, 2, 4 ... nodes in sequence,
+    each taken or not, make up every distance along a direction.
 
     Args:
         grid: The heights.
-        slope: Above 0, of cones down from peaks; below 0, of cones up from pits.
-        best: `np.maximum`, nowhere below the heights; or `np.minimum`, nowhere above them.
+        slope: Above 0 for cones down from peaks; below 0 for cones up from pits.
+        best: `np.maximum` for an upper bound of the heights; `np.minimum` for a lower bound.
     """
     heights_m = grid.heights_m.copy()
     finite = heights_m[np.isfinite(heights_m)]
@@ -392,7 +391,7 @@ def limit_slope(grid: Grid, slope: float, best: np.ufunc) -> Grid:
     while stride <= max(reach, 1):
         for east, north in DIRECTIONS:
             drop_m = slope * grid.step_m * stride * math.hypot(east, north)
-            # A step to the south is one to the north in the grid upside down.
+            # A step to the south is a step to the north in the flipped grid.
             seen_m, by_e, by_n = heights_m[:, :: 1 if north >= 0 else -1], east * stride, abs(north) * stride
             here, there = seen_m[: -by_e or None, : -by_n or None], seen_m[by_e:, by_n:]
             ahead = here - drop_m
@@ -403,12 +402,12 @@ def limit_slope(grid: Grid, slope: float, best: np.ufunc) -> Grid:
 
 
 def hull_m(places_m: FloatArray) -> FloatArray:
-    """Return (k, 2) the corners of the convex hull of (m, 2) places, counter-clockwise."""
+    """Return (k, 2) corners of the convex hull of (m, 2) places, counter-clockwise."""
     return np.array(build_convex_hull(sorted(set(map(tuple, places_m.tolist())))), dtype=np.float64)
 
 
 def is_inside_convex(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> BoolArray:
-    """Return (m,) which of (m, 2) places are in a convex polygon, or no farther than so from each of its sides."""
+    """Return (m,) whether (m, 2) places are in a convex polygon, or within ``beyond_m`` of each of its sides."""
     found = np.ones(len(places_m), dtype=np.bool_)
     for corner, following in zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True):
         along = following - corner

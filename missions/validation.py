@@ -1,4 +1,4 @@
-"""What a model says of a document that does not fit it, in one line: the key, and what was expected there."""
+"""Report in one line why a document does not fit its model: the key, and what was expected there."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from missions.files import MOST_FIGURE, to_printable
 
 MOST_SHOWN = 60
-"""Letters of a wrong value that are shown."""
+"""Most characters shown of a wrong value."""
 
 Figure = Annotated[float, Field(strict=True, ge=-MOST_FIGURE, le=MOST_FIGURE, allow_inf_nan=False)]
-"""A number that a place, a time or a share can have: no text, no boolean, nothing without end."""
+"""A plausible number for a place, a time or a share: no text, boolean, NaN or infinity."""
 Text = Annotated[str, Field(min_length=1)]
 Printable = Annotated[Text, AfterValidator(to_printable)]
-"""A text for people, on one line."""
+"""A text for display, on one line."""
 Flag = Annotated[bool, Field(strict=True)]
 Id = Annotated[int, Field(strict=True, ge=0, le=2**53)]
-"""JSON's readers elsewhere do not keep a greater number."""
+"""Upper limit: JSON parsers elsewhere lose the precision of larger integers."""
 Pair = tuple[Figure, Figure]
 Place = tuple[Figure, Figure, Figure]
 Known = tuple[Figure | None, Figure | None]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
-"""A vehicle's, as in the site file."""
+"""Vehicle name, as in the site file."""
 Above0 = Annotated[Figure, Field(gt=0)]
 From0 = Annotated[Figure, Field(ge=0)]
 IdSet = Annotated[frozenset[Id], PlainSerializer(sorted, return_type=list[Id])]
@@ -47,14 +47,14 @@ _KINDS = {
     "int_from_float": "a whole number", "int_parsing": "a whole number", "int_type": "a whole number",
     "model_type": "keys with values", "string_type": "a text", "string_unicode": "a text", "tuple_type": "a list",
 }  # fmt: skip
-"""What pydantic calls an error, where its own words are a programmer's."""
+"""Replacements for pydantic error messages that only programmers understand."""
 
 
 def array_of(lists: object) -> GetPydanticSchema:
-    """Return what a field of float64 is in a document: lists of lists there, an array here.
+    """Return the document type of a float64 field: nested lists in the document, an array here.
 
     Args:
-        lists: Their type, such as `tuple[Place, ...]`.
+        lists: Their type, e.g. `tuple[Place, ...]`.
     """
 
     def build_schema(_kind: object, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -74,13 +74,13 @@ def _to_array(lists: object) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def one_of(names: Iterable[str]) -> GetPydanticSchema:
-    """Return what a text of a document may be: one of these."""
+    """Return the document type of a text that must be one of some names."""
     known = list(names)
     return GetPydanticSchema(lambda *_: core_schema.literal_schema(known))
 
 
 def document_of(kind: type[object]) -> GetPydanticSchema:
-    """Return that an object, or a list, is what a type has written and checked already: in schemas it is the type's."""
+    """Return the document type of an object or list already written and checked by a type, for schemas."""
     schema = core_schema.list_schema() if get_origin(kind) is tuple else core_schema.dict_schema()
     return GetPydanticSchema(
         lambda _kind, _handler: schema,
@@ -89,23 +89,23 @@ def document_of(kind: type[object]) -> GetPydanticSchema:
 
 
 def is_none(value: object) -> bool:
-    """Return whether a key is left out when its model is written."""
+    """Return whether to omit a key when its model is written."""
     return value is None
 
 
 def format_first_error(error: ValidationError, *, page: str = "the documents", shown: bool = True) -> str:
-    """Return the first of a model's complaints: `key.path[3]: expected ..., got ...`.
+    """Return the first validation error of a model: `key.path[3]: expected ..., got ...`.
 
     Args:
         error: What the model raised.
-        page: That names the keys there are.
-        shown: Whether the wrong value is named; it may be a secret.
+        page: Page that documents the keys.
+        shown: Whether to show the wrong value; it may be a secret.
     """
     return format_error(error.errors(include_url=False)[0], page=page, shown=shown)
 
 
 def format_error(first: ErrorDetails, *, page: str = "the documents", shown: bool = True) -> str:
-    """Return one of a model's complaints as `format_first_error` does."""
+    """Return a model's validation error in the format of `format_first_error`."""
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
     context = first.get("ctx", {})
     match first["type"]:
@@ -116,7 +116,7 @@ def format_error(first: ErrorDetails, *, page: str = "the documents", shown: boo
         case "extra_forbidden":
             reason = f"unknown key; expected one that {page} names"
         case "value_error":
-            # A check of several keys names its own; the place before it is the object's.
+            # A check of several keys names its own; the prefix is the object's.
             return to_printable(f"{place}.{context['error']}").removeprefix(".")
         case "json_invalid":
             reason = f"expected JSON: {context['error']}"

@@ -1,9 +1,9 @@
-"""Pylons to be seen from several sides: each is an asset of its own, flown like a span, from viewpoint to viewpoint.
+"""Plan pylons with several viewpoints: each is an asset of its own, flown like a span between viewpoints.
 
-So it has its own time, energy and place in the order of a route. Viewpoints lie on the common surface over the lines,
-so that whatever keeps vehicles apart, and off the line, holds for them as it does for spans; or below it, where a
-vehicle comes down to them from its layer as `asked` allows. Nobody is below the tops within ``BESIDE_M`` of a line
-there: a way between two viewpoints that would be leads up to the surface, over the line and down again.
+It therefore has its own time, energy and place in a route's order. Viewpoints lie on the common surface over the lines,
+so that vehicle separation and line clearance apply as for spans; or below it, where a vehicle descends from its layer
+as `inspection_height` allows. No vehicle is below the tops within ``BESIDE_M`` of a line there: a path between two
+viewpoints that would be leads up to the surface, over the line and down again.
 """
 
 from __future__ import annotations
@@ -25,46 +25,47 @@ from missions.network import Network, Segment
 from missions.setup import FlightSetup
 
 APART_M = 1.0
-"""The first and the last viewpoint of a pylon are farther apart than this: it is flown from one to the other."""
+"""Least distance between the first and the last viewpoint of a pylon, which is flown from one to the other."""
 STEP_M = 1.0
-"""Between the places of a way that are held against lines and ground."""
+"""Spacing of the points at which a path is checked against lines and ground."""
 SPARE_M = 0.1
-"""Viewpoints are this much farther from lines and ground than they must be: places of items are rounded."""
+"""Extra clearance of viewpoints from lines and ground: item positions are rounded."""
 UPRIGHT_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class ViewpointRequest:
-    """From where a pylon is to be seen."""
+    """The viewpoints requested for a pylon."""
 
     pylon: int
     camera: str
     bearings_deg: tuple[float, ...]
-    """From the pylon, clockwise from the direction of its line."""
+    """Bearings from the pylon, clockwise from the direction of its line."""
     distance_m: float
     hover_s: float
     pitch_deg: float | None
-    """None looks at the target."""
+    """Gimbal pitch; None points at the target."""
     aim_deg: float
     heights_m: tuple[float, ...] = ()
-    """Of the viewpoints over the pylon's top, each at every bearing; without any they lie on the common surface."""
+    """Heights of the viewpoints over the pylon's top, each at every bearing; if empty they lie on the common
+    surface."""
     target_m: float = 0.0
-    """What is looked at, from the top."""
+    """Height of the camera target relative to the top."""
     roi: bool = False
-    """Whether that is a region of interest for the autopilot."""
+    """Whether the autopilot gets the target as a region of interest."""
 
 
 def add_viewpoints(
     network: Network, wishes: Sequence[ViewpointRequest], standoff_m: float
 ) -> tuple[Network, Mapping[int, ViewpointRequest]]:
-    """Return the network with an asset more for each wish, and which wish each of them is.
+    """Return the network with one more asset per request, and the request of each such asset.
 
-    Its two ends are pylons that are not there, as high as the real one, placed so that the track between them begins
-    and ends at the first and the last viewpoint.
+    Its two ends are virtual pylons, as high as the real one, placed so that the track between them begins and ends at
+    the first and the last viewpoint.
 
     Raises:
-        SafetyError: a pylon's viewpoints begin and end at one place, or lie at heights over a top that nobody knows.
-        NetworkError: they make no network.
+        SafetyError: a pylon's viewpoints begin and end at one place, or their heights refer to an unknown top.
+        NetworkError: they form no valid network.
     """
     pylons, segments = list(network.pylons), list(network.segments)
     wished: dict[int, ViewpointRequest] = {}
@@ -89,14 +90,14 @@ def add_viewpoints(
 
 
 def _list_viewpoint_places(network: Network, wish: ViewpointRequest) -> list[tuple[float, float]]:
-    """Return east and north of the viewpoints, one for each bearing."""
+    """Return east and north of the viewpoints, one per bearing."""
     east_m, north_m = network.positions_m[wish.pylon].tolist()
     turns = [math.radians(_line_deg(network, wish.pylon) + bearing_deg) for bearing_deg in wish.bearings_deg]
     return [(east_m + wish.distance_m * math.sin(turn), north_m + wish.distance_m * math.cos(turn)) for turn in turns]
 
 
 def _line_deg(network: Network, pylon: int) -> float:
-    """Return the direction of the line at a pylon: that of the first span that it carries."""
+    """Return the direction of the line at a pylon: that of its first span."""
     for segment in network.segments:
         if pylon in {segment.a, segment.b}:
             (a_east, a_north), (b_east, b_north) = network.ends_m[segment.id].tolist()
@@ -107,13 +108,13 @@ def _line_deg(network: Network, pylon: int) -> float:
 def build_pylon_tasks(
     setup: FlightSetup, wished: Mapping[int, ViewpointRequest]
 ) -> tuple[dict[int, PylonCameraTask], list[str]]:
-    """Return what each pylon asks for, by its asset, and in words which viewpoints are flown higher than asked.
+    """Return the camera task of each pylon by asset, and messages on viewpoints flown higher than requested.
 
-    A viewpoint that would come too near to a line, or to the ground, lies as low as these let it.
+    A viewpoint too near to a line or to the ground is raised to the lowest height that keeps the clearance.
 
     Args:
-        setup: Heights and pads, over a network with an asset for each wish.
-        wished: These.
+        setup: Heights and pads, over a network with an asset for each request.
+        wished: The requests.
     """
     lines, looks, higher = clearance.lines_of(setup, wished), {}, []
     for segment, wish in wished.items():
@@ -124,18 +125,18 @@ def build_pylon_tasks(
 
 
 class _ViewpointPlanner:
-    """The viewpoints of one pylon over what is there."""
+    """Plans the viewpoints of one pylon over lines and ground."""
 
     def __init__(self, setup: FlightSetup, lines: clearance.PowerLines | None, wish: ViewpointRequest) -> None:
         self._setup, self._lines, self._wish = setup, lines, wish
         self._pylon = setup.network.pylons[wish.pylon]
-        self._top_m = 0.0  # on a flat site flights are over the depot's ground
+        self._top_m = 0.0  # on a flat site heights refer to the depot's ground
         if self._pylon.elevation_m is not None and self._pylon.height_m is not None:
             self._top_m = setup.frame.up_m(self._pylon.elevation_m + self._pylon.height_m)
         east_m, north_m = setup.network.positions_m[wish.pylon].tolist()
         self._target_m = (east_m, north_m, self._top_m + wish.target_m)
         self.higher: list[str] = []
-        """In words: what is flown higher than asked."""
+        """Messages: what is flown higher than requested."""
 
     def build_task(self) -> PylonCameraTask:
         wish = self._wish
@@ -152,13 +153,13 @@ class _ViewpointPlanner:
         heights: Sequence[float | None] = wish.heights_m or (None,)
         for number, place_m in enumerate(_list_viewpoint_places(self._setup.network, wish)):
             to_pylon = math.degrees(math.atan2(self._target_m[0] - place_m[0], self._target_m[1] - place_m[1]))
-            # The next bearing is begun at the height at which the last one ended.
+            # Each bearing begins at the height at which the last one ended.
             for height_m in heights[:: -1 if number % 2 else 1]:
                 below_m = 0.0 if height_m is None else self._below_m(place_m, height_m, wish.bearings_deg[number])
                 yield Viewpoint(place_m, round(to_pylon), below_m)
 
     def _below_m(self, place_m: tuple[float, float], height_m: float, bearing_deg: float) -> float:
-        """Return how far below the common surface a viewpoint is flown that is asked for at a height over the top."""
+        """Return how far below the common surface a viewpoint requested at a height over the top is flown."""
         surface_m = self._setup.layers.surface.height_m(*place_m)
         wanted_m = up_m = min(surface_m, self._top_m + height_m)
         why = ""
@@ -172,13 +173,13 @@ class _ViewpointPlanner:
         return round(max(0.0, surface_m - up_m), 2)
 
     def _way_m(self, one: Viewpoint, other: Viewpoint) -> FloatArray:
-        """Return (m, 3) places on the way between two viewpoints."""
+        """Return (m, 3) places on the path between two viewpoints."""
         surface = self._setup.layers.surface
         ends = np.array([(*end.place_m, surface.height_m(*end.place_m) - end.below_m) for end in (one, other)])
         return sample_leg(ends, STEP_M)
 
     def _find_shortfall(self, places_m: FloatArray) -> clearance.ClearanceShortfall | None:
-        """Return what is worst about (m, 3) places over lines and ground; None if nothing is."""
+        """Return the worst shortfall of (m, 3) places over lines and ground; None if there is none."""
         places_m = places_m - (0.0, 0.0, SPARE_M)
         low = clearance.find_terrain_shortfall(self._setup, places_m)
         if low is None and self._lines is not None:
@@ -189,17 +190,17 @@ class _ViewpointPlanner:
 
 
 def extra_time_s(look: PylonCameraTask, performance: Performance, speed_m_s: float, *, in_layer: bool = False) -> float:
-    """Return what a pylon takes longer than the straight way from its first viewpoint to its last on the surface.
+    """Return a pylon's extra time over the straight path on the surface from its first viewpoint to its last.
 
     Args:
         look: Its viewpoints.
         performance: How the vehicle flies.
-        speed_m_s: Between them.
-        in_layer: Whether it looks at all of them from its layer.
+        speed_m_s: Speed between them.
+        in_layer: Whether the vehicle views all of them from its layer.
     """
     ends = [(*look.points[end].place_m, 0.0) for end in (0, -1)]
     stops = look.list_stops(reverse=False, low=not in_layer)
-    # From the surface down to the first, and from the last up to it again.
+    # Down from the surface to the first viewpoint, and up again from the last.
     way = [ends[0], *((*stop.place_m, -stop.below_m) for stop in stops), ends[1]]
     way_m = np.array([place for place, _ in itertools.groupby(way)])
     hover_s = max(0.0, look.hover_s - performance.hold_s) * sum(bool(stop.points) for stop in stops)
@@ -208,12 +209,12 @@ def extra_time_s(look: PylonCameraTask, performance: Performance, speed_m_s: flo
 
 
 def _flight_time_s(way_m: FloatArray, performance: Performance, speed_m_s: float) -> float:
-    """Return the time of a way from stop to stop along (w, 3) places, as `estimate` has it."""
+    """Return the time of a path from stop to stop along (w, 3) places, consistent with `estimate`."""
     along_m = np.diff(way_m, axis=0)
     length_m = np.hypot(along_m[:, 0], along_m[:, 1])
     speeds, ends = np.full(len(length_m), speed_m_s), np.full(len(length_m), 2.0)
     legs_s = performance.legs_s(length_m, along_m[:, 2], speeds, ends)
-    # Who goes on straight up or down comes to rest first.
+    # A vehicle stops before it continues vertically.
     came_m = np.where(length_m[1:] < UPRIGHT_M, 0.0, length_m[:-1])
     turns_s = performance.turns_s(along_m[:-1], along_m[1:], performance.arrival_speed_m_s(came_m, speed_m_s))
     return float(legs_s.sum() + turns_s.sum() + len(length_m) * (performance.settle_s + performance.hold_s))

@@ -1,4 +1,4 @@
-"""A route as the places that a vehicle flies through: the seam between planning and MAVLink."""
+"""Model a route as waypoints: the interface between planning and MAVLink."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from missions.geo import FloatArray, LocalFrame
 
 
 class Phase(Enum):
-    """What the vehicle does on the leg that *ends* at a waypoint."""
+    """The vehicle's activity on the leg that *ends* at a waypoint."""
 
     TAKEOFF = "takeoff"
     TRANSIT = "transit"
-    """On the way to the first pylon of a visit, or around somebody's pad."""
+    """To the first pylon of a visit, or around another vehicle's pad."""
     INSPECT = "inspect"
     """Along the segment, to its last pylon."""
     RETURN = "return"
@@ -31,19 +31,19 @@ class Waypoint:
     lat_deg: float
     lon_deg: float
     alt_rel_m: float
-    """Above the vehicle's own home."""
+    """Height above the vehicle's own home."""
     speed_m_s: float
     """Ground speed on the leg that ends here."""
     hold: bool = False
-    """Whether the vehicle must come to a stop here, so that the next leg's speed is flown from its beginning."""
+    """Whether the vehicle must stop here, so that the next leg's speed applies from its beginning."""
     visit: int | None = None
-    """Position in the route of the visit that this leg belongs to (transit and inspection); None for the rest."""
+    """Position in the route of this leg's visit (transit and inspection); None for other legs."""
     captures: tuple[Capture, ...] = ()
-    """What cameras do along the leg that ends here."""
+    """Camera actions along the leg that ends here."""
     below_m: float = 0.0
-    """How far below its own layer the vehicle is here: above nothing on the line, where it inspects as asked."""
+    """Depth below the vehicle's own layer: above 0 on the line, when inspecting at the requested height."""
     hover_s: float = 0.0
-    """How long it stays here, where that is longer than the hold that every stop takes."""
+    """Stay at the waypoint, if longer than the hold of every stop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +58,8 @@ def legs_m(path: FlightPath, frame: LocalFrame, home_up_m: float = 0.0) -> Float
     """Return (w, 2, 3) float64: start and end of every leg, the first one from the ground below the first waypoint.
 
     Args:
-        path: With at least one waypoint.
-        frame: Whose east and north to use.
+        path: A path with at least one waypoint.
+        frame: Frame of east and north.
         home_up_m: Height of the vehicle's home over the depot, to which the path's heights are relative.
     """
     places = np.array([(point.lat_deg, point.lon_deg, point.alt_rel_m) for point in path.waypoints])

@@ -1,6 +1,6 @@
-"""What one autopilot does otherwise than another, and by itself: the fields of the data files beside this module.
+"""Define how an autopilot differs from others, and its own behaviour: the fields of the data files in this package.
 
-Parameters, values and meanings are those of ArduPilot's and PX4's own references.
+Parameters, values and meanings are from the references of ArduPilot and PX4.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from missions.flight_model import Performance, Tuning
 from missions.items import Frame
 
 Words = tuple[tuple[int, str], ...]
-"""Known values of a parameter, and what the vehicle does with each."""
+"""Known values of a parameter, and the vehicle's action for each."""
 
 
 class StartStep(Enum):
@@ -35,7 +35,7 @@ class StartStep(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ModeNumber:
-    """A flight mode: what HEARTBEAT shows and what MAV_CMD_DO_SET_MODE takes."""
+    """A flight mode: its HEARTBEAT value and its MAV_CMD_DO_SET_MODE value."""
 
     custom_mode: int
     """HEARTBEAT.custom_mode."""
@@ -55,7 +55,7 @@ class Modes:
     return_home: ModeNumber
     land: ModeNumber
     other_ways_home: frozenset[int]
-    """Other modes in which it returns or lands by itself."""
+    """Other modes of autonomous return or landing."""
     manual: frozenset[int]
     """Stick modes, and modes that follow something other than a mission."""
     blind: frozenset[int]
@@ -66,7 +66,7 @@ class Modes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReturnParameters:
-    """How the height of a return is set."""
+    """Parameters that set the RTL height."""
 
     height: str
     """Parameter: least RTL height above home."""
@@ -87,7 +87,7 @@ class ReturnParameters:
 
 @dataclass(frozen=True, slots=True)
 class TerrainRule:
-    """A parameter by which an autopilot follows the ground by itself."""
+    """A parameter that makes an autopilot follow the terrain on its own."""
 
     parameter: str
     on: frozenset[int]
@@ -100,11 +100,11 @@ class TerrainRule:
 
 @dataclass(frozen=True, slots=True)
 class ShutterRule:
-    """A parameter without which an autopilot takes no pictures."""
+    """A parameter that an autopilot requires to take pictures."""
 
     parameter: str
     triggers: frozenset[Trigger]
-    """Failsafes that need it."""
+    """Triggers that need it."""
     words: str
     """Effect, in words."""
     remedy: str
@@ -113,7 +113,7 @@ class ShutterRule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundStationFailsafe:
-    """What the vehicle does when it does not receive the ground station."""
+    """The vehicle's action on loss of the ground station link."""
 
     action: str
     """Parameter of the action; 0 is no action on both autopilots."""
@@ -143,7 +143,7 @@ class GroundStationFailsafe:
 
 
 class ThresholdUnit(Enum):
-    """What a battery threshold counts."""
+    """Unit of a battery threshold."""
 
     SHARE = "share"
     """Share of a full battery, 0 to 1."""
@@ -170,7 +170,7 @@ class BatteryLevel:
 
 @dataclass(frozen=True, slots=True)
 class EarlyReturn:
-    """A failsafe that acts as soon as the time left in the air is only just enough to come home."""
+    """A failsafe that acts as soon as the remaining flight time is only just enough for RTL."""
 
     action: str
     """Parameter of the action."""
@@ -183,7 +183,7 @@ class EarlyReturn:
 
 @dataclass(frozen=True, slots=True)
 class BatteryFailsafe:
-    """What the vehicle does on a low battery."""
+    """The vehicle's action on a low battery."""
 
     levels: tuple[BatteryLevel, ...]
     """Battery levels, first to last."""
@@ -195,7 +195,7 @@ class BatteryFailsafe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geofence:
-    """What a vehicle keeps to by itself: a cylinder about home, by parameters, and polygons by the mission protocol."""
+    """The vehicle's own geofence: a cylinder around home, by parameters, and polygons by the mission protocol."""
 
     enabled_by: tuple[str, ...]
     """Parameters any of which enables the fence if not 0."""
@@ -222,7 +222,7 @@ class Geofence:
 
 @dataclass(frozen=True, slots=True)
 class OtherName:
-    """What a parameter is called in firmware that does not have it by its first name."""
+    """A parameter's name in firmware without its first name."""
 
     name: str
     unit: float
@@ -231,7 +231,7 @@ class OtherName:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
-    """One autopilot's way of speaking and behaving."""
+    """Mission protocol dialect and behaviour of one autopilot."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -301,7 +301,7 @@ class Dialect:
     own_streams_hz: Mapping[int, float]
     """Messages of this autopilot only, and their requested rates."""
     unasked_hz: Mapping[int, float]
-    """Messages that it sends over a telemetry radio although nothing here reads them, and their rates; without those
+    """Messages that it sends over a telemetry radio although nothing here reads them, and their rates; except those
     that people or other stations need."""
     start: tuple[StartStep, ...]
     modes: Modes
@@ -346,24 +346,24 @@ def dialect_for(name: str) -> Dialect:
 
 
 def dialect_of(number: int) -> Dialect | None:
-    """Return the dialect of a MAV_AUTOPILOT; None if it is not known."""
+    """Return the dialect of a MAV_AUTOPILOT; None if unknown."""
     return next((dialect for dialect in AUTOPILOTS if dialect.number == number), None)
 
 
 def list_other_names(dialect: Dialect, names: Iterable[str], present: Container[str] = ()) -> tuple[str, ...]:
-    """Return the names in other firmware of those parameters that a vehicle does not have by their first."""
+    """Return the other names of those parameters that a vehicle does not have by their first name."""
     known = dialect.other_names
     return tuple(known[name].name for name in names if name in known and name not in present)
 
 
 def find_name_on_board(dialect: Dialect, name: str, present: Container[str]) -> str:
-    """Return the name by which a vehicle has a parameter; the first where it has neither."""
+    """Return the name of a parameter on the vehicle; the first name if it has neither."""
     other = dialect.other_names.get(name)
     return name if other is None or name in present or other.name not in present else other.name
 
 
 def add_first_names(dialect: Dialect, values: Mapping[str, float]) -> dict[str, float]:
-    """Return values of parameters, those with another name also by their first and in its units.
+    """Return parameter values, adding those with another name by their first name and in its units.
 
     >>> add_first_names(ARDUPILOT, {"WP_SPD": 12.0})
     {'WPNAV_SPEED': 1200.0, 'WP_SPD': 12.0}
@@ -373,23 +373,23 @@ def add_first_names(dialect: Dialect, values: Mapping[str, float]) -> dict[str, 
 
 
 def is_mission_mode(dialect: Dialect, custom_mode: int | None) -> bool:
-    """Return whether the vehicle flies the mission on board."""
+    """Return whether the vehicle is flying the mission on board."""
     return custom_mode == dialect.modes.mission.custom_mode
 
 
 def is_home_mode(dialect: Dialect, custom_mode: int | None) -> bool:
-    """Return whether the vehicle comes home, or lands, by itself."""
+    """Return whether the vehicle is in RTL, or landing, autonomously."""
     ours = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
     return custom_mode in ours | dialect.modes.other_ways_home
 
 
 def is_manual_mode(dialect: Dialect, custom_mode: int | None) -> bool:
-    """Return whether somebody has to fly it: neither we, nor a mission, nor a failsafe leads there with hands off."""
+    """Return whether it needs a pilot: neither we, a mission nor a failsafe enters it for hands-off flight."""
     return custom_mode in dialect.modes.manual
 
 
 def mode_name(dialect: Dialect, custom_mode: int) -> str:
-    """Return a mode in words."""
+    """Return the display name of a mode."""
     modes = dialect.modes
     ours = {
         modes.guided.custom_mode: "GUIDED",

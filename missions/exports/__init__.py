@@ -1,6 +1,6 @@
-"""What other programs read: missions for QGroundControl; line, routes and flown tracks as KML, GeoJSON and GPX.
+"""Export to other programs: missions for QGroundControl; line, routes and flown tracks as KML, GeoJSON and GPX.
 
-Each format for maps is written from the same plain `MapFeatures`, so that all hold the same, as far as each can say it.
+Each map format is written from the same plain `MapFeatures`, so that all have the same content, as far as each allows.
 """
 
 from missions.exports.map_features import (

@@ -1,7 +1,7 @@
-"""Lines, tracks and places on the earth, as all formats are written from them; and a plan as such.
+"""Build the lines, tracks and places that all map formats are written from, and those of a plan.
 
-Of a plan that is every vehicle's whole path with its heights, the line with the names of its assets, and pads. Paths
-are those that missions are made of (`inspection_height.build_first_paths`): ways around pads, climbs and all.
+For a plan these are every vehicle's whole path with its heights, the line with the names of its assets, and pads. Paths
+are those of the missions (`inspection_height.build_first_paths`), including detours around pads and climbs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase
 
 Position = tuple[float, float, float | None]
-"""Latitude and longitude in degrees, WGS 84, and height in metres as a `Reference` counts it; None: not known."""
+"""Latitude and longitude in degrees, WGS 84, and height in metres in a `Reference`; None: unknown."""
 Fact = str | float | int | bool | None
 NO_FACTS: Mapping[str, Fact] = MappingProxyType({})
 
@@ -30,7 +30,7 @@ COLOURS = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#c
 
 
 class MapFeatureKind(Enum):
-    """What something is; the word that the formats carry."""
+    """Type of a feature; the value is its keyword in the formats."""
 
     SEGMENT = "segment"
     PLANNED = "planned"
@@ -41,7 +41,7 @@ class MapFeatureKind(Enum):
 
 
 class Reference(Enum):
-    """What heights are counted from."""
+    """Reference of heights."""
 
     SEA = "above mean sea level"
     GROUND = "above the ground, which is taken to be flat"
@@ -50,7 +50,7 @@ class Reference(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MapLinePiece:
-    """Positions without a gap between them."""
+    """Consecutive positions without a gap."""
 
     positions: tuple[Position, ...]
     times: tuple[str, ...] = ()
@@ -59,7 +59,7 @@ class MapLinePiece:
 
 @dataclass(frozen=True, slots=True)
 class MapLine:
-    """A line on the earth."""
+    """A line on the map."""
 
     kind: MapFeatureKind
     name: str
@@ -67,12 +67,12 @@ class MapLine:
     reference: Reference
     vehicle: str | None = None
     facts: Mapping[str, Fact] = field(default_factory=lambda: NO_FACTS)
-    """Further facts, by keys that are the same in every format."""
+    """Further properties, with the same keys in every format."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapPoint:
-    """A place on the earth."""
+    """A place on the map."""
 
     kind: MapFeatureKind
     name: str
@@ -86,7 +86,7 @@ class MapPoint:
 
 @dataclass(frozen=True, slots=True)
 class MapFeatures:
-    """Everything that one file shows."""
+    """Content of one file."""
 
     title: str
     vehicles: tuple[str, ...]
@@ -95,7 +95,7 @@ class MapFeatures:
     spots: Sequence[MapPoint]
 
     def __post_init__(self) -> None:
-        """Check that all formats can hold what is drawn.
+        """Check that all formats can represent the content.
 
         Raises:
             MissionFileError: a place or a figure is not finite.
@@ -107,7 +107,7 @@ class MapFeatures:
 
     @property
     def things(self) -> list[MapLine | MapPoint]:
-        """All of it, lines first."""
+        """All features, lines first."""
         return [*self.ways, *self.spots]
 
     def colour_of(self, vehicle: str) -> str:
@@ -116,7 +116,7 @@ class MapFeatures:
 
 
 def _figures(one: MapLine | MapPoint) -> Iterator[Fact]:
-    """Yield all that is written of something as a number."""
+    """Yield all numbers that are written for a feature."""
     yield from one.facts.values()
     pieces = [(one.position,)] if isinstance(one, MapPoint) else [piece.positions for piece in one.pieces]
     for positions in pieces:
@@ -125,18 +125,18 @@ def _figures(one: MapLine | MapPoint) -> Iterator[Fact]:
 
 
 def collect_facts(one: MapLine | MapPoint) -> dict[str, Fact]:
-    """Return all that is known of something beside its name and its place, without what is not known."""
+    """Return all known properties of a feature besides its name and its place."""
     facts = {"kind": one.kind.value, "vehicle": one.vehicle, **one.facts, "heights": one.reference.value}
     return {key: value for key, value in facts.items() if value is not None}
 
 
 def build_plan_features(content: PlanFile, setup: FlightSetup, title: str) -> MapFeatures:
-    """Return a plan.
+    """Return the features of a plan.
 
     Args:
         content: The plan file.
         setup: Heights and pads over its network, for its vehicles.
-        title: What the drawing is called.
+        title: Title of the map.
     """
     ways = list(build_segment_lines(setup, {}))
     paths = build_first_paths(setup, {route.vehicle: content.visits_of(route) for route in content.routes})
@@ -161,14 +161,14 @@ def build_route_line(
     *,
     reference: Reference | None = None,
 ) -> MapLine:
-    """Return a vehicle's path, from its pad on where it begins there.
+    """Return a vehicle's path, including its pad if it begins there.
 
     Args:
         setup: Heights and pads.
-        path: Where it flies.
-        name: What people call it.
-        facts: What else is known of it.
-        reference: What its heights are counted from, where somebody knows better than `reference_of`.
+        path: Its path.
+        name: Display name.
+        facts: Further properties.
+        reference: Reference of its heights, to override `choose_height_reference`.
     """
     pad, reference = setup.pad_of(path.vehicle), reference or choose_height_reference(setup)
     base_m = pad.alt_m if reference is Reference.SEA else 0.0
@@ -179,11 +179,11 @@ def build_route_line(
 
 
 def build_segment_lines(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fact]]) -> Iterator[MapLine]:
-    """Yield every segment by the name of its asset, along the tops of its pylons where they are known.
+    """Yield every segment, named by its asset, along the tops of its pylons where known.
 
     Args:
-        setup: With the network.
-        facts: What else is known of segments, by their number.
+        setup: Setup with the network.
+        facts: Further properties of segments, by number.
     """
     network = setup.network
     for segment in network.segments:
@@ -204,7 +204,7 @@ def build_pad_points(setup: FlightSetup, reference: Reference | None = None) -> 
     """Yield the depot and every vehicle's pad."""
     reference = reference or choose_height_reference(setup)
     lat_deg, lon_deg, alt_m = setup.network.depot
-    # A depot over flat ground may have no height above the sea that anybody gave.
+    # The height of a depot over flat ground above sea level may be unknown.
     over = choose_height_reference(setup)
     yield MapPoint(MapFeatureKind.DEPOT, "depot", (lat_deg, lon_deg, alt_m if over is Reference.SEA else 0.0), over)
     for pad in setup.pads:
@@ -214,7 +214,7 @@ def build_pad_points(setup: FlightSetup, reference: Reference | None = None) -> 
 
 
 def choose_height_reference(setup: FlightSetup) -> Reference:
-    """Return what the heights of paths can be counted from: the sea only where the ground's heights are known."""
+    """Return the reference for path heights: sea level only where the ground heights are known."""
     return Reference.GROUND if setup.network.flat else Reference.SEA
 
 
@@ -224,7 +224,7 @@ def _pad_position(setup: FlightSetup, pad: Pad, reference: Reference) -> Positio
 
 
 def _top_m(pylon: Pylon, *, flat: bool) -> float | None:
-    """Return the height of a pylon's top, over the ground where that is claimed to be flat; None where nobody knows."""
+    """Return the height of a pylon's top, above ground if that is asserted to be flat; None if unknown."""
     if flat or pylon.elevation_m is None:
         return pylon.height_m if flat else None
     return pylon.elevation_m + (pylon.height_m or 0.0)

@@ -1,15 +1,15 @@
-"""KML, GPX and GeoJSON: each written from the same `MapFeatures`, so that all hold the same, as far as each can say it.
+"""Write KML, GPX and GeoJSON from the same `MapFeatures`, so that all have the same content, as far as each allows.
 
-KML 2.2 has a folder for the line and one for each vehicle, in the vehicle's colour, and Google's track for what was
-flown: time and place of every position, for the slider of Google Earth. Pictures of icons would have to be fetched, so
-the viewer's own pin is coloured.
+KML 2.2 has a folder for the line and one for each vehicle, in the vehicle's colour, and Google's track for flown paths:
+time and place of every position, for the time slider of Google Earth. Icon images would have to be fetched, so the
+viewer's own pin is coloured.
 
-GPX 1.1 has routes for what is planned, tracks for what was flown and for the line itself, waypoints for places. A
-height is one above mean sea level; where heights are counted from the ground there is none.
+GPX 1.1 has routes for planned paths, tracks for flown paths and for the line itself, waypoints for places. A height is
+above mean sea level; heights above ground are omitted.
 
-GeoJSON (RFC 7946) is one collection, with what is known of each feature among its properties. Heights are above mean
-sea level, as crews and GIS programs use them, where the RFC has the ellipsoid: `heights` says so for every feature.
-Times of a track are `coordTimes`, as other programs that make GeoJSON of tracks call them.
+GeoJSON (RFC 7946) is one collection, with each feature's data among its properties. Heights are above mean sea level,
+as crews and GIS programs use them, whereas the RFC has the ellipsoid: `heights` states this for every feature. Times of
+a track are `coordTimes`, as in other programs that convert tracks to GeoJSON.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def _load_environment() -> Environment:
         "abgr": _format_colour,
         "degrees": lambda value: f"{value:.7f}",
         "facts": collect_facts,
-        "height": lambda position: f"{position[2] or 0.0:.2f}",  # 0 where it is not known
+        "height": lambda position: f"{position[2] or 0.0:.2f}",  # 0 if unknown
         "mode": MODES.__getitem__,
         "words": _describe_facts,
     }
@@ -91,7 +91,7 @@ def _load_environment() -> Environment:
 
 
 def _to_xml_text(value: object) -> str:
-    r"""Return a value as XML can hold it.
+    r"""Return a value without characters invalid in XML.
 
     >>> _to_xml_text("P41\x00-P42")
     'P41 -P42'
@@ -100,7 +100,7 @@ def _to_xml_text(value: object) -> str:
 
 
 def _format_colour(colour: str, opacity: float) -> str:
-    """Return a colour as KML has it: opacity, blue, green, red.
+    """Return a colour in KML's order: opacity, blue, green, red.
 
     >>> _format_colour("#56b4e9", 1.0)
     'ffe9b456'

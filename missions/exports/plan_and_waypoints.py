@@ -1,8 +1,8 @@
-"""QGroundControl's .plan and the older .waypoints (QGC WPL 110).
+"""Write QGroundControl's .plan and the older .waypoints (QGC WPL 110).
 
-Home is outside the items in a .plan and, by the habit of ArduPilot's tools, line 0 of a .waypoints file. So a mission
-with a home slot (ArduPilot) keeps its home on the way through both formats, and one without (PX4) has none. In a .plan
-JSON null stands for NaN. Frames are written with their plain numbers (3 for 6, 0 for 5), which both formats use.
+Home is outside the items in a .plan and, by convention of ArduPilot's tools, line 0 of a .waypoints file. So a mission
+with a home slot (ArduPilot) keeps its home through both formats, and one without (PX4) has none. In a .plan, JSON null
+stands for NaN. Frames are written with their plain numbers (3 for 6, 0 for 5), which both formats use.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ def format_qgc_plan(
     fence: Sequence[MissionItem] = (),
     rally: Sequence[MissionItem] = (),
 ) -> str:
-    """Return the text of a .plan file; its upload replaces all three lists on board, also by empty ones.
+    """Return the text of a .plan file; its upload replaces all three lists on board, even with empty ones.
 
     Args:
-        items: As encoded for the autopilot; a home slot is left out, for QGroundControl adds it at upload.
-        dialect: Whose items they are.
+        items: As encoded for the autopilot; a home slot is left out, because QGroundControl adds it at upload.
+        dialect: Dialect of the items.
         home: Latitude and longitude in degrees, height above mean sea level in metres.
-        fence: Corners of one polygon to stay in.
+        fence: Corners of one inclusion polygon.
         rally: Rally points.
 
     Raises:
-        MissionFileError: a figure is not finite; NaN as a parameter is what the format has null for.
+        MissionFileError: a figure is not finite; only NaN as a parameter is allowed, as null.
     """
     flown = items[1:] if dialect.home_item else items
     _check_finite(flown, home, nan_is_null=True)
@@ -65,11 +65,10 @@ def format_qgc_plan(
 
 
 def format_qgc_waypoints(items: Sequence[MissionItem], dialect: Dialect, home: tuple[float, float, float]) -> str:
-    """Return the text of a .waypoints file; with a home slot, line 0 is the home given.
+    """Return the text of a .waypoints file; with a home slot, line 0 is the given home.
 
     Raises:
-        MissionFileError: a figure is not finite, such as the heading that a PX4 vehicle is left to choose: the format
-            has no word for it.
+        MissionFileError: a figure is not finite, e.g. a PX4 heading left to the vehicle: the format cannot express it.
     """
     _check_finite(items, home, nan_is_null=False)
     lines = [_WPL_HEADER]

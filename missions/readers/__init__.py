@@ -1,6 +1,6 @@
-"""Network files: which reader takes which file, and what comes of it.
+"""Read network files: select the reader of a file, and build the network.
 
-Written as GeoJSON it is read back to the same network, whatever file it came from.
+A network written as GeoJSON reads back as the same network, whatever its original format.
 """
 
 from __future__ import annotations
@@ -41,25 +41,25 @@ from missions.readers.raw_network import (
 
 BESIDE_SHP = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qpj")
 OTHERS = (".shp", ".kml", ".kmz", ".geojson", ".geojsonl", ".gpkg", ".gpx", ".osm", ".csv", ".xlsx", ".xls", ".zip")
-"""What of an archive may hold lines as well."""
+"""Other members of an archive that may contain lines."""
 FIRST = (RemarkTopic.WHOLE, RemarkTopic.FILTER)
-"""Said before all else."""
+"""Topics of findings that are listed first."""
 SAME_DEPOT_M = 100.0
-"""A site's depot without a height takes that of the file's when it is this near."""
+"""Greatest distance at which a site's depot without a height takes the height of the file's depot."""
 GRAPH = "graph file"
-"""Of the public Set TSP solver: libconfig with two strings.
+"""Format of the public Set TSP solver: libconfig with two strings.
 
 ``pylons_position`` holds "x y z;" a line, ``connections_indexes`` the 1-based neighbours of each pylon, "1 3;" a line.
-Every segment is normally listed from both of its ends; a pair is taken once, from its lower to its higher pylon.
+Every segment is normally listed from both of its ends; a pair is used once, from its lower to its higher pylon.
 """
 OFFSETS = "depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only"
 POSITIONS, NEIGHBOURS = "pylons_position", "connections_indexes"
 
-# name = "..." with libconfig's joining of adjacent strings; group 2 holds all of them.
+# name = "..." with libconfig's concatenation of adjacent strings; group 2 holds all of them.
 _SETTING = re.compile(r'^[ \t]*([A-Za-z*][-\w*]*)[ \t]*[:=]\s*((?:"(?:[^"\\]|\\.)*"\s*)+)', re.MULTILINE)
 _STRING = re.compile(r'"((?:[^"\\]|\\.)*)"')
 XML = (".kml", ".gpx", ".osm", ".xml")
-"""Whatever is in them: UTF-16 does not begin with a bracket."""
+"""XML suffixes, for any content: UTF-16 does not begin with a bracket."""
 FORMATS = (
     "GeoJSON, KML, KMZ, GPX, OpenStreetMap XML, Overpass JSON, GeoPackage, a shapefile or a zip of them, CSV, XLSX"
 )
@@ -67,32 +67,32 @@ FORMATS = (
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What of a file is wanted, and how far it may be mended."""
+    """The part of a file to read, and limits for mending it."""
 
     layers: tuple[str, ...] = ()
     where: tuple[Comparison, ...] = ()
     crs: str | None = None
-    """Of a file that does not say its own; of a graph file the map grid of its metres."""
+    """Reference system for files without their own; for a graph file the map grid of its metres."""
     mending: MendingLimits = field(default_factory=MendingLimits)
     encoding: str | None = None
-    """Of a table in text that is not UTF-8; None to try."""
+    """Encoding of a text table that is not UTF-8; None to detect it."""
 
 
 @dataclass(frozen=True, slots=True)
 class NetworkImport:
-    """A network, and how it came out of its file."""
+    """A network, and the findings of its import."""
 
     network: Network
     format: str
     crs: str
     has_depot: bool
-    """Whether the depot is known; otherwise the network's is the middle of its poles."""
+    """Whether the depot is known; otherwise the network's is the centre of its poles."""
     lacks: str
-    """What more must be known of the depot before anybody flies, in a line; empty if nothing."""
+    """Missing data on the depot that flights need, in a line; empty if none."""
     lines: Mapping[str, str]
-    """The line of each segment, by the segment's label; empty where there is none."""
+    """Line name of each segment, by the segment's label; empty if there is none."""
     found: tuple[Remark, ...]
-    """What was mended or left out, and what is worth a look."""
+    """Findings: what was mended or left out, and what to check."""
 
 
 def default_network_path() -> Path:
@@ -112,10 +112,10 @@ def read_network(
     Args:
         path: The file.
         depot: Latitude and longitude in degrees and height above mean sea level in metres. Files without a depot need
-            it; otherwise it wins over the file's own. Without a height the file's own depot gives it; a file of flat
+            it; otherwise it overrides the file's own. Without a height, the file's own depot gives it; a file of flat
             ground needs none.
-        crs: Of files that do not say theirs, e.g. ``EPSG:32633``. The offsets of a graph file are metres of that grid,
-            or without it metres east and north of the depot.
+        crs: Reference system for files without their own, e.g. ``EPSG:32633``. The offsets of a graph file are metres
+            of that grid, or without it metres east and north of the depot.
         radius_m: Keep only segments with both pylons nearer than this to the depot.
 
     Raises:
@@ -132,14 +132,14 @@ def import_network(
     radius_m: float | None = None,
     anywhere: bool = False,
 ) -> NetworkImport:
-    """Read a network file, and say what was understood of it.
+    """Read a network file, and report how it was interpreted.
 
     Args:
         path: The file.
-        wanted: What of it is wanted.
-        depot: As `read_network` has it.
-        radius_m: As `read_network` has it.
-        anywhere: Whether a depot may be missing: then the middle of the poles is taken for it.
+        wanted: The part to read.
+        depot: As for `read_network`.
+        radius_m: As for `read_network`.
+        anywhere: Whether a depot may be missing: then it is the centre of the poles.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -156,14 +156,14 @@ def import_network(
 
 
 def _build_near_filter(frame: LocalFrame | None, radius_m: float | None) -> NearFilter | None:
-    """Return what of a file may be within a radius: all that may be in a network, so that names stay as they are."""
+    """Return a filter of what may be within a radius: all that may be in the network, so that names do not change."""
     return None if frame is None or radius_m is None or radius_m > MAX_DISTANCE_M else NearFilter(frame, MAX_DISTANCE_M)
 
 
 def _parse_graph(text: str, choice: ReadOptions) -> RawNetwork:
-    """Return what a graph file shows, which holds offsets from a depot only.
+    """Return the content of a graph file, which holds only offsets from a depot.
 
-    z is taken as the ground's height over the depot. A file whose z are all 0 is one of flat ground, by its format.
+    z is the ground's height over the depot. In this format, a file whose z are all 0 is one of flat ground.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -172,7 +172,7 @@ def _parse_graph(text: str, choice: ReadOptions) -> RawNetwork:
     if choice.where:
         raise NetworkError(f"where: expected none for a {GRAPH}, whose lines have no attributes")
     drawing, frame = choice.create_raw_network(GRAPH, choice.crs or "metres about the depot"), choice.depot
-    if frame is not None:  # heights are counted from it, whether it has one above the sea or not
+    if frame is not None:  # heights refer to it, whether or not its height above sea level is known
         drawing.depot = Pole(GRAPH, "", frame.lat_deg, frame.lon_deg, frame.alt_m)
     elif not choice.anywhere or choice.crs is not None:
         raise NetworkError(OFFSETS)
@@ -201,7 +201,7 @@ def _parse_graph(text: str, choice: ReadOptions) -> RawNetwork:
 
 def _split_rows(value: str) -> list[list[str]]:
     rows = value.split(";")
-    # The text behind the last semicolon is no row.
+    # The text after the last semicolon is not a row.
     return [row.split() for row in (rows[:-1] if not rows[-1].strip() else rows)]
 
 
@@ -238,7 +238,7 @@ def _parse_spans(value: str, pylons: int) -> list[Span]:
 
 
 def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
-    """Return the points of a file by their names: where vehicles may stand, with the ground's height where it is known.
+    """Return the points of a file by name: possible vehicle positions, with the ground height where known.
 
     Raises:
         NetworkError: it cannot be read.
@@ -306,7 +306,7 @@ def _read_archive(content: bytes, choice: ReadOptions) -> RawNetwork:
 
 
 def _list_other_files(archive: Archive, read: str) -> Iterator[str]:
-    """Yield what else of an archive may hold lines, by its name."""
+    """Yield the names of other members of an archive that may contain lines."""
     return (
         to_printable(name)
         for name in archive.names
@@ -342,7 +342,7 @@ def _place_network(
     *,
     anywhere: bool,
 ) -> NetworkImport:
-    """Return a network about its depot: the caller's, or the file's, or where neither is, if it may, its middle."""
+    """Return a network about its depot: the caller's, else the file's, else if allowed its centre."""
     frame, alt_known = _frame_of(given), given is not None and given[2] is not None
     if frame is None or not alt_known:
         frame, alt_known = _find_depot(drawing, frame)
@@ -357,7 +357,7 @@ def _place_network(
         poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
         raise NetworkError(f"segments: expected at least one, found none{poles}{explain_empty_file(drawing.remarks)}")
     if frame is not None and radius_m is not None:
-        # A network of a country would be refused as such: of what was found, too, only what is about the part counts.
+        # A country's network would be refused as too large; findings, too, count only if they concern the part.
         pylons, segments = part_within(built.pylons, built.segments, frame, radius_m)
         lines = {segment.label: built.lines.get(segment.label, "") for segment in segments}
         known = {pylon.id for pylon in built.pylons} | set(built.lines) | set(built.lines.values())
@@ -393,9 +393,9 @@ def _build_nothing_near_error(drawing: RawNetwork, frame: LocalFrame | None, rad
 
 
 def _find_depot(drawing: RawNetwork, known: LocalFrame | None) -> tuple[LocalFrame | None, bool]:
-    """Return the file's depot, or one that is known with the height of the file's if that is near.
+    """Return the file's depot, or a known one with the height of the file's depot if that is near.
 
-    With it comes whether its height is known.
+    The flag tells whether its height is known.
     """
     depot = drawing.depot
     if depot is None:
@@ -410,7 +410,7 @@ def _find_depot(drawing: RawNetwork, known: LocalFrame | None) -> tuple[LocalFra
 
 
 def _find_middle(built: UnplacedNetwork) -> LocalFrame:
-    """Return the middle of the poles, for who only looks at them."""
+    """Return the centre of the poles, for viewing only."""
     first = built.pylons[0]
     about = LocalFrame(first.lat_deg, first.lon_deg)
     places_m = [about.to_local_m(pylon.lat_deg, pylon.lon_deg) for pylon in built.pylons]
@@ -436,17 +436,17 @@ def _frame_of(depot: tuple[float, float, float | None] | None) -> LocalFrame | N
 def build_network_document(
     understood: NetworkImport, said: Mapping[int, Mapping[str, object]] | None = None
 ) -> dict[str, object]:
-    """Return a FeatureCollection of the depot, where there is one, all pylons and all segments.
+    """Return a FeatureCollection of the depot, if there is one, all pylons and all segments.
 
-    A segment is a LineString with the ids of its pylons, so that it stays one whatever it passes.
+    A segment is a LineString with the ids of its pylons, so that it stays one segment whatever it passes.
 
     Args:
         understood: The network.
-        said: What else is known of segments, by their numbers.
+        said: Further properties of segments, by number.
     """
     features = list(_build_features(understood, said or {}))
     document: dict[str, object] = {"type": "FeatureCollection", "features": features}
-    # The site may claim so as well; what is known by the file's format would be lost.
+    # The site may assert it as well; but what the file's format implies would be lost.
     return {**document, geojson.FLAT: True} if understood.network.flat else document
 
 

@@ -1,7 +1,7 @@
-"""Files of strangers: of limited size, and what is in archives, so that no bomb of a few kilobytes fills the memory.
+"""Read untrusted files of limited size, and archives, so that no decompression bomb fills the memory.
 
-What bytes of names are: text of tables is UTF-8, UTF-16 or a code page of Windows, which no file names: it is tried. A
-shapefile says its own by its .cpg, or by a byte of its .dbf.
+Also detect text encodings: tables are in UTF-8, UTF-16 or an unnamed Windows code page, which is guessed. A shapefile
+declares its own in its .cpg, or by a byte of its .dbf.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from missions.errors import MissionsError, NetworkError
 from missions.files import NESTED, to_printable
 
 MOST_BYTES = 256_000_000
-"""Of a file, and of all that an archive unpacks to."""
+"""Greatest size of a file, and of everything unpacked from an archive."""
 NEEDS = "needs the extra geo: pip install openpyxl pyshp"
-"""What is said of a workbook or a shapefile where nothing is installed to read it with."""
+"""Message if no library is installed to read a workbook or a shapefile."""
 UNREADABLE = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, RuntimeError, NotImplementedError, ValueError, OSError,
 )  # fmt: skip
-"""What zipfile raises for a member that is damaged, locked, or packed in a way that nobody knows."""
+"""Errors of zipfile for a member that is damaged, encrypted, or packed by an unknown method."""
 MOST_MEMBERS = 10_000
 MOST_RATIO = 200
-"""A member that unpacks to more than so many times its size is a bomb, or empty space."""
+"""Compression ratio above which a member is a bomb, or empty space."""
 RATIO_FROM_BYTES = 10_000_000
 PACKED = "a file that is packed ({}): unpack it first"
 FOREIGN = {
@@ -56,7 +56,7 @@ FOREIGN = {
     b"\x37\x7f\x06\x83": "the -wal file of a database: name the database beside it",
     b"version https://": "a pointer of Git LFS: fetch the file itself",
 }
-"""What begins otherwise than anything that is read, and what people do about it."""
+"""Signatures of unsupported formats, and advice for each."""
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 LETTERS: Mapping[str, Sequence[str]] = {
     "cp1252": (
@@ -73,17 +73,17 @@ LETTERS: Mapping[str, Sequence[str]] = {
     ),
     "cp1253": ("αοιετσνρκπμλςυδγήάόίθώέχφβύηωξζψϊϋΐΰ",),
 }  # fmt: skip
-"""Code pages of Europe, and of languages that are written in each the letters that ASCII has not, the usual first."""
+"""European code pages, and for each its languages' non-ASCII letters, the most frequent first."""
 APART = ("cp1251", "cp1253")
-"""No word there mixes the page's own letters with those of ASCII."""
+"""Code pages in which no word mixes the page's own letters with ASCII letters."""
 SIGNS = frozenset("°±§©®«»„“”‚‘’‹›–—…·•€£µ²³½¼¾\u00a0№")
 _WORD = re.compile(r"[^\W\d_]+")
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 MOST_WORDS = 3
 SIGN, NEVER = 0.02, 1e-4
-"""How likely a usual sign is among letters, and what a language does not have."""
+"""Probabilities of a common sign among letters, and of a letter that a language does not have."""
 AT = 29
-"""Where a .dbf says its code page."""
+"""Offset of the code page in a .dbf."""
 PAGES: Mapping[int, str] = {
     0x01: "cp437", 0x02: "cp850", 0x03: "cp1252", 0x04: "mac_roman", 0x08: "cp865", 0x09: "cp437", 0x0A: "cp850",
     0x0B: "cp437", 0x0D: "cp437", 0x0E: "cp850", 0x0F: "cp437", 0x10: "cp850", 0x11: "cp437", 0x12: "cp850",
@@ -96,7 +96,7 @@ PAGES: Mapping[int, str] = {
     0x96: "mac_cyrillic", 0x97: "mac_latin2", 0x98: "mac_greek", 0xC8: "cp1250", 0xC9: "cp1251", 0xCA: "cp1254",
     0xCB: "cp1253", 0xCC: "cp1257",
 }  # fmt: skip
-"""Of dBASE, FoxPro and ArcGIS. 0x57 stands for whatever the writer's computer had, and says nothing."""
+"""Code pages of dBASE, FoxPro and ArcGIS. 0x57 means the writer's system code page, which is unknown."""
 USUAL = "utf-8"
 OTHER_ENCODING = "encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {!r}"
 FIELD_BYTES = 32
@@ -107,7 +107,7 @@ def read_first_bytes(path: Path) -> bytes:
     """Return the first 16 bytes of a file.
 
     Raises:
-        NetworkError: it cannot be read, or is of a kind that is not read anywhere.
+        NetworkError: it cannot be read, or has an unsupported format.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
         raise NetworkError("file: expected a readable network file: it is a device or a pipe")
@@ -123,7 +123,7 @@ def read_first_bytes(path: Path) -> bytes:
 
 
 def read_limited(path: Path) -> bytes:
-    """Return the content of a file that can be read.
+    """Return the content of a readable file.
 
     Raises:
         NetworkError: it is too large.
@@ -135,10 +135,10 @@ def read_limited(path: Path) -> bytes:
 
 @contextmanager
 def naming_file(path: Path, error: type[MissionsError] = NetworkError) -> Iterator[None]:
-    """Let what is wrong with a file's content be said of the file.
+    """Add the file's name to errors on its content.
 
     Raises:
-        MissionsError: of the type that is given, in one line that begins with the file's name.
+        MissionsError: of the given type, in one line that begins with the file's name.
     """
     try:
         yield
@@ -153,10 +153,10 @@ def naming_file(path: Path, error: type[MissionsError] = NetworkError) -> Iterat
 def explaining_errors(
     words: str, *errors: type[Exception], error: type[MissionsError] = NetworkError
 ) -> Iterator[None]:
-    """Let what libraries raise be said in our words, with theirs behind.
+    """Convert library errors to our own, with the original text appended.
 
     Raises:
-        MissionsError: of the type that is given, in one line.
+        MissionsError: of the given type, in one line.
     """
     try:
         yield
@@ -165,13 +165,13 @@ def explaining_errors(
 
 
 class Archive:
-    """A zip archive, of which nothing is unpacked that is not asked for."""
+    """A zip archive; members are unpacked on request only."""
 
     def __init__(self, content: bytes) -> None:
-        """Look into an archive.
+        """Open an archive and list its members.
 
         Raises:
-            NetworkError: it is none, or unpacks to too much.
+            NetworkError: it is not an archive, or unpacks to too much.
         """
         with explaining_errors("content: expected a whole zip archive", *UNREADABLE):
             self._zip = zipfile.ZipFile(io.BytesIO(content))
@@ -184,18 +184,18 @@ class Archive:
             if member.file_size > max(RATIO_FROM_BYTES, MOST_RATIO * member.compress_size):
                 place = f"{to_printable(member.filename)}"
                 raise NetworkError(f"{place}: expected a file that unpacks to at most {MOST_RATIO} times its size")
-        # What macOS puts beside every file is none of ours.
+        # Ignore the metadata that macOS adds for every file.
         self.names = tuple(member.filename for member in members if not member.filename.startswith("__MACOSX/"))
 
     def list_by_suffix(self, suffix: str) -> tuple[str, ...]:
-        """Return the files whose names end so, without regard to case."""
+        """Return the files with a suffix, ignoring case."""
         return tuple(name for name in self.names if name.lower().endswith(suffix))
 
     def read(self, name: str) -> bytes:
-        """Return the content of a file, never more than its size says.
+        """Return the content of a file, never more than its declared size.
 
         Raises:
-            NetworkError: it is damaged or locked.
+            NetworkError: it is damaged or encrypted.
         """
         words = f"{to_printable(name)}: expected a whole file without a password"
         with explaining_errors(words, *UNREADABLE), self._zip.open(name) as file:
@@ -203,14 +203,14 @@ class Archive:
 
 
 def decode_table(content: bytes, encoding: str | None) -> tuple[str, str]:
-    """Return the text that bytes are, and what is to be said of it; empty where the bytes are UTF-8 or say it.
+    """Return the decoded text, and a remark on its encoding; empty for UTF-8 or a declared encoding.
 
     Args:
-        content: The file's.
-        encoding: What its people say; None to try.
+        content: The file's bytes.
+        encoding: The user's setting; None to detect it.
 
     Raises:
-        NetworkError: it is unknown, or the bytes are something else.
+        NetworkError: it is unknown, or does not match the bytes.
     """
     marked = next((mark for begin, mark in MARKS if content.startswith(begin)), None)
     if marked is not None or encoding is not None:
@@ -233,7 +233,7 @@ def _decode_as(content: bytes, encoding: str) -> str:
 
 
 def guess_code_page(content: bytes) -> tuple[str, str]:
-    """Return the code page one of whose languages has a text's letters most likely, and words with such names."""
+    """Return the code page with the most likely letters in one of its languages, and examples of decoded words."""
     page = max(LETTERS, key=lambda one: _log_likelihood(content.decode(one, "replace"), one))
     text = content.decode(page, "replace")
     names = list(dict.fromkeys(word for word in _WORD.findall(text) if not word.isascii()))[:MOST_WORDS]
@@ -241,7 +241,7 @@ def guess_code_page(content: bytes) -> tuple[str, str]:
 
 
 def _log_likelihood(text: str, page: str) -> float:
-    """Return how likely a text is in the language of a page that fits best, as a logarithm."""
+    """Return the log-likelihood of a text in the best-fitting language of a code page."""
     signs = sum(
         math.log(SIGN if letter in SIGNS else NEVER) for letter in text if not (letter.isascii() or letter.isalpha())
     )
@@ -252,22 +252,22 @@ def _log_likelihood(text: str, page: str) -> float:
 
 
 def _log_likelihood_in(letters: Counter[str], own: str) -> float:
-    """Return the logarithm of the likelihood of letters in a language: the second as likely by half as the first."""
+    """Return the log-likelihood of letters in a language: the second is half as likely as the first (Zipf)."""
     of_all = sum(1.0 / rank for rank in range(1, len(own) + 1))
     shares = {letter: 1.0 / rank / of_all for rank, letter in enumerate(own, start=1)}
     return sum(count * math.log(shares.get(letter, NEVER)) for letter, count in letters.items())
 
 
 def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[str, str]:
-    """Return Python's name of a table's encoding, and what is to be said of it; empty if it is as the file says.
+    """Return Python's name of a table's encoding, and a remark on it; empty if the file declares it.
 
     Args:
         dbf: The table.
-        cpg: What says its encoding beside it, where that is there.
-        encoding: What its people say; None to go by the files.
+        cpg: The file that declares its encoding, if present.
+        encoding: The user's setting; None to use the files.
 
     Raises:
-        NetworkError: what its people say is unknown, or the names are in another.
+        NetworkError: the setting is unknown, or does not match the names.
     """
     texts = [text for text in _iterate_texts(dbf) if not text.isascii()]
     if encoding is not None:
@@ -293,14 +293,14 @@ def _is_encoding_of(texts: Sequence[bytes], encoding: str) -> bool:
 
 
 def _check_letters(texts: Sequence[bytes], encoding: str) -> None:
-    """Refuse an encoding that texts are not in; a field that is full may end within a letter."""
-    b"abcd".decode(encoding)  # some codecs are none of letters
+    """Refuse an encoding that does not match the texts; a full field may end within a character."""
+    b"abcd".decode(encoding)  # some codecs are not text encodings
     for text in texts:
         codecs.getincrementaldecoder(encoding)("strict").decode(text, False)
 
 
 def _parse_cpg(cpg: bytes | None) -> str | None:
-    """Return Python's name of what a .cpg says: UTF-8, 1250, 'ANSI 1250', 88592, LDID/200; None if that is unknown."""
+    """Return Python's name of a .cpg's encoding: UTF-8, 1250, 'ANSI 1250', 88592, LDID/200; None if unknown."""
     if cpg is None:
         return None
     said = to_printable(cpg.decode("ascii", "replace").lstrip("\ufeff")).strip("\ufffd ").lower()
@@ -318,7 +318,7 @@ def _parse_cpg(cpg: bytes | None) -> str | None:
 
 
 def _iterate_texts(dbf: bytes) -> Iterator[bytes]:
-    """Yield the names of a table's columns and the texts in it; of one that is damaged as far as that goes."""
+    """Yield the names of a table's columns and its texts; of a damaged table as far as it is readable."""
     try:
         count, head, length = struct.unpack_from("<IHH", dbf, 4)
         fields, at, offset = [], FIELD_BYTES, 1

@@ -1,7 +1,7 @@
-"""Areas of GeoJSON, KML and KMZ files: polygons, and lines that others fly along.
+"""Read areas from GeoJSON, KML and KMZ files: polygons, and lines that others fly along.
 
-What a network's reader leaves out with a remark is refused here: an area that is not understood is one that somebody
-flies through.
+Features that a network's reader leaves out with a remark are refused here: an area that is not understood could be
+flown through.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ if TYPE_CHECKING:
 FORMATS = "GeoJSON, KML or KMZ"
 NAMES = ("name", "ref", "id", "label", "title")
 FIGURES = ("margin_m", "width_m", "max_agl_m", "max_amsl_m")
-"""What a feature may say of itself, by the names of the site file's keys."""
+"""Properties of a feature, named like the site file's keys."""
 
 LatLon = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class FileArea:
-    """An area as its file has it."""
+    """An area as in its file."""
 
     place: str
-    """The file and the feature, for messages."""
+    """File and feature, for messages."""
     name: str
-    """Empty where the file has none."""
+    """Empty if the file has none."""
     rings_deg: tuple[tuple[LatLon, ...], ...]
-    """Latitude and longitude of the outline, not closed, and after it of those of holes; or of a line."""
+    """Latitude and longitude of the outline, not closed, followed by those of holes; or of a line."""
     is_line: bool
     figures: Mapping[str, float]
-    """Of `FIGURES`, as far as the feature has them."""
+    """Values of `FIGURES` that the feature has."""
 
 
 def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Comparison] = ()) -> tuple[FileArea, ...]:
-    """Return the areas of a file, of several parts each part for itself.
+    """Return the areas of a file; each part of a multi-part area separately.
 
     Args:
         path: The file.
-        layers: Folders of KML to read; all if none is given.
-        where: Only features of which this holds.
+        layers: KML folders to read; all if none is given.
+        where: Only features that fulfil this.
 
     Raises:
         AreaError: one line that names the file, the feature and what was expected.
@@ -72,7 +72,7 @@ def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Compar
 
 
 def check_outline(rings_deg: Iterable[Sequence[LatLon]], place: str, *, is_line: bool) -> None:
-    """Refuse what is no outline or no line.
+    """Refuse an invalid outline or line.
 
     Raises:
         AreaError: one line that names the place and what was expected.
@@ -91,7 +91,7 @@ def check_outline(rings_deg: Iterable[Sequence[LatLon]], place: str, *, is_line:
 
 
 def _read(path: Path, choice: ReadOptions) -> Iterator[FileArea]:
-    read_first_bytes(path)  # says why a file cannot be read
+    read_first_bytes(path)  # raises if the file cannot be read
     content = read_limited(path)
     if content.startswith(b"PK"):
         archive = Archive(content)

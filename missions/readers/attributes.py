@@ -1,9 +1,9 @@
-"""What a feature's attributes say: its name, its heights, its number on OpenStreetMap, and what it is of a power line.
+"""Interpret a feature's attributes: its name, heights, OpenStreetMap number, and role in a power line.
 
-Attributes are compared by their names in small letters and with one kind of divider, as programs write them in any way:
-'disused:power' and 'DISUSED_POWER' are the same, and so are 'Elevation (m)' and 'elevation_m'. They are OpenStreetMap's
-tags in whatever format they come, and what utilities write instead. Cables, lines that are not built or not there any
-more, and what is no pole are never flown.
+Attribute names are compared in lower case and with one kind of separator, because programs write them in many forms:
+'disused:power' equals 'DISUSED_POWER', and 'Elevation (m)' equals 'elevation_m'. Known are OpenStreetMap's tags in any
+format, and what utilities write instead. Cables, lines not yet built or already removed, and points that are no poles
+are never flown.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ NAMES = (
     "name", "ref", "id", "label", "number", "code", "asset", "asset_id", "line", "line_id", "line_name", "pole",
     "pole_id", "pylon", "tower", "tower_id",
 )  # fmt: skip
-"""What is taken for a name, the first that is there."""
+"""Attributes that hold a name; the first present is used."""
 LINES = ("line", "line_id", "line_name", "circuit")
-"""What says to which line a pole belongs."""
+"""Attributes that assign a pole to a line."""
 POLES = tuple(name for name in NAMES if name not in LINES)
-"""What is taken for a pole's name."""
+"""Attributes that hold a pole's name."""
 ELEVATION = ("elevation_m", "elevation_")
-"""The second is what ten letters of a shapefile leave of the first."""
+"""The second is the first truncated to a shapefile's ten letters."""
 HEIGHT = ("height_m",)
 LOOSE = {"elevation_m": ("ele", "elevation"), "height_m": ("height",)}
-"""What says the same where a unit stands beside the figure, or where OpenStreetMap says that it is metres."""
+"""Attributes with the same meaning if the figure has a unit, or if OpenStreetMap defines it as metres."""
 NESTED = ("tags", "other_tags", "all_tags", "raw_tags", "osm_tags")
-"""Attributes with attributes in them, of OpenStreetMap: a table, a text of one, or PostgreSQL's hstore."""
+"""Attributes that contain attributes, as in OpenStreetMap data: a table, its text form, or PostgreSQL's hstore."""
 NODE, WAY, RELATION = "node", "way", "relation"
 MAP_KINDS = {kind[0]: kind for kind in (NODE, WAY, RELATION)}
 
 TYPES = ("@type", "osm_type", "type", "element")
-"""What says which of them a feature is."""
+"""Attributes that hold the OpenStreetMap element type."""
 
 _DIVIDER = re.compile(r"[^\w@]+")
 _HSTORE = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
@@ -46,33 +46,33 @@ _MAP_ID = re.compile(r"(n|node|w|way|r|relation)/?(-?\d+)")
 
 
 class PlainAttributes(dict[str, object]):
-    """Attributes by their plain names, without those that say nothing."""
+    """Attributes by their normalised names, without empty ones."""
 
 
 @lru_cache(maxsize=4096)
 def normalise_key(key: str) -> str:
-    """Return an attribute's name in small letters, with one kind of divider."""
+    """Return an attribute's name in lower case, with one kind of separator."""
     low = key.strip().lower()
     found = _DIVIDER.sub("_", low)
     return found if low.endswith("_") else found.strip("_")
 
 
 def normalise_attributes(attributes: Attributes) -> PlainAttributes:
-    """Return attributes by their plain names, without those that say nothing."""
+    """Return attributes by their normalised names, without empty ones."""
     if isinstance(attributes, PlainAttributes):
         return attributes
     return PlainAttributes((normalise_key(key), value) for key, value in attributes.items() if not is_blank(value))
 
 
 def flatten_attributes(attributes: Attributes) -> Attributes:
-    """Return attributes with those that are nested in one of them beside it; its own win."""
+    """Return attributes with nested ones added at the top level; top-level ones take precedence."""
     inner: dict[str, object] = {}
     prefixed: dict[str, object] = {}
     for key, value in attributes.items():
         low = normalise_key(key)
         if low in NESTED:
             inner |= _parse_nested(value)
-        elif low.startswith("tags_"):  # 'tags.power', as tables make it of what is nested
+        elif low.startswith("tags_"):  # 'tags.power', as written by tables for nested attributes
             prefixed[key.strip()[len("tags_") :]] = value
     if not inner and not prefixed:
         return attributes
@@ -96,30 +96,30 @@ def _unescape(text: str) -> str:
 
 
 def find_first_value(attributes: Attributes, keys: Sequence[str]) -> object:
-    """Return the value of the first of some attributes that is there and says something."""
+    """Return the first non-empty value of some attributes."""
     known = normalise_attributes(attributes)
     return next((known[key] for key in keys if key in known), None)
 
 
 def name_of(attributes: Attributes, keys: Sequence[str] = NAMES) -> str:
-    """Return what people call a feature; empty where nothing says so."""
+    """Return a feature's name; empty if it has none."""
     known = normalise_attributes(attributes)
     for key in keys:
         value = known.get(key)
         if isinstance(value, str | int | float) and not isinstance(value, bool):
-            # Spreadsheets and old tables have whole numbers as 12.0.
+            # Spreadsheets and old tables store whole numbers as 12.0.
             text = str(int(value) if isinstance(value, float) and value.is_integer() else value)
             return to_printable(unicodedata.normalize("NFC", text))
     return ""
 
 
 def osm_id_of(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str] | None:
-    """Return whether a feature is a node, a way or a relation of OpenStreetMap, and its number; else None.
+    """Return whether a feature is an OpenStreetMap node, way or relation, and its number; else None.
 
     Args:
-        attributes: Of the feature.
-        own_id: What its file says beside them, as GeoJSON does.
-        kind: What it is where its number is there alone: a point is a node.
+        attributes: The feature's attributes.
+        own_id: The id that its file stores outside of them, as GeoJSON does.
+        kind: Its type if only the number is given: a point is a node.
     """
     known = normalise_attributes(attributes)
     for value in (known.get("@id"), known.get("full_id"), known.get("id"), own_id):
@@ -133,7 +133,7 @@ def osm_id_of(attributes: Attributes, own_id: object, kind: str) -> tuple[str, s
 
 
 def osm_name_of(attributes: Attributes, place: tuple[str, str]) -> str:
-    """Return what a feature of OpenStreetMap is called: a pole by its ref, a line by its name first."""
+    """Return the name of an OpenStreetMap feature: a pole's ref first, a line's name first."""
     kind, number = place
     if kind == NODE:
         return name_of(attributes, ("ref",)) or f"n{number}"
@@ -141,24 +141,24 @@ def osm_name_of(attributes: Attributes, place: tuple[str, str]) -> str:
 
 
 def heights_of(attributes: Attributes, place: str, mark: str | None = None) -> tuple[float | None, float | None]:
-    """Return the ground's elevation and the structure's height, where they are known.
+    """Return the ground elevation and the structure height, where known.
 
     Args:
-        attributes: Of the pole.
+        attributes: The pole's attributes.
         place: The file and the feature, for messages.
-        mark: The file's decimal mark, where it shows one.
+        mark: The file's decimal mark, if it can be detected.
 
     Raises:
-        NetworkError: one is no length.
+        NetworkError: one is not a length.
     """
     return read_metres(attributes, ELEVATION, place, mark), read_metres(attributes, HEIGHT, place, mark)
 
 
 def read_metres(attributes: Attributes, keys: Sequence[str], place: str, mark: str | None = None) -> float | None:
-    """Return what one of some attributes says in metres; None where it says that it is not known.
+    """Return the value of one of some attributes in metres; None if it is marked as unknown.
 
     Raises:
-        NetworkError: it is no length.
+        NetworkError: it is not a length.
     """
     known = normalise_attributes(attributes)
     value, factor = find_first_value(known, keys), 1.0
@@ -175,9 +175,9 @@ def read_metres(attributes: Attributes, keys: Sequence[str], place: str, mark: s
 
 
 def read_loose_metres(attributes: Attributes, key: str, *, of_map: bool) -> tuple[float | None, str]:
-    """Return what 'height' says of `height_m`, and the like, and which attribute it was.
+    """Return the value of 'height' as `height_m`, and similar, and the attribute's name.
 
-    A figure alone is one of nobody knows what, unless OpenStreetMap has it.
+    A figure without a unit is ambiguous, except in OpenStreetMap data.
     """
     known = normalise_attributes(attributes)
     for other in LOOSE[key]:
@@ -192,7 +192,7 @@ def read_loose_metres(attributes: Attributes, key: str, *, of_map: bool) -> tupl
 
 
 class PowerFeature(StrEnum):
-    """What a feature is; the value is what people call it."""
+    """A feature's type; the value is its name in messages."""
 
     SPAN = "span"
     CABLE = "cable"
@@ -227,10 +227,10 @@ LIFE = {
     "demolished": PowerFeature.REMOVED, "dismantled": PowerFeature.REMOVED, "razed": PowerFeature.REMOVED,
     "destroyed": PowerFeature.REMOVED,
 }  # fmt: skip
-"""What OpenStreetMap says of what is not in use: disused=yes, disused:power=line, power=disused."""
+"""OpenStreetMap's tags for features not in use: disused=yes, disused:power=line, power=disused."""
 KINDS = frozenset((*POWER_LINES, *CABLES, *INDOORS, *NO_LINES, "power"))
 TEN = 10
-"""Letters that a shapefile leaves of an attribute's name."""
+"""Length to which a shapefile truncates attribute names."""
 FLAGS = {key: meaning for word, meaning in LIFE.items() for key in (word, word[:TEN])}
 OF_POWER = {
     key: meaning
@@ -270,11 +270,11 @@ OF_POLES = {
 
 
 def classify_line(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeature, str]:
-    """Return what a line is, and which attribute says so.
+    """Return a line's type, and the attribute that defines it.
 
     Args:
         known: Its attributes.
-        of_map: Whether all tags of OpenStreetMap are there: what is no power line by them is none.
+        of_map: Whether all tags of OpenStreetMap are present: without a power tag it is then not a power line.
     """
     if _is_deleted(known):
         return PowerFeature.DELETED, ""
@@ -295,22 +295,22 @@ def classify_line(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeature
 
 
 def classify_point(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeature, str]:
-    """Return what a point is, and which attribute says so; what nothing is said of is a pole.
+    """Return a point's type, and the attribute that defines it; without one it is a pole.
 
     Args:
         known: Its attributes.
-        of_map: Whether all tags of OpenStreetMap are there: what is no pole by them is none.
+        of_map: Whether all tags of OpenStreetMap are present: without a power tag it is then not a pole.
     """
     if _is_deleted(known):
         return PowerFeature.DELETED, ""
     power = _split_values(known, "power")
     found = _find_lifecycle(known, power)
-    # What is out of use stands there all the same.
+    # A disused pole is still an obstacle.
     if found is not None and not (found[0] is PowerFeature.DISUSED and power and power <= {*NO_LINES}):
         return OF_POLES[found[0]], found[1]
     if power & SUPPORTS:
         return PowerFeature.POLE, "power"
-    # A type may be a pole's own: 'line' is one that the wires pass straight, 'cable' one where they go down.
+    # A type may be a pole's own: 'line' for a straight-line pole, 'cable' for one where the wires go underground.
     types = set() if power else {word for key in known.keys() & TYPE_KEYS for word in _split_values(known, key)}
     if power & {*NO_POLES} or (power | types) & {*GENERATORS, *SUBSTATIONS}:
         return _classify_other(power | types), "power"
@@ -318,7 +318,7 @@ def classify_point(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeatur
 
 
 def classify_row(known: PlainAttributes) -> tuple[PowerFeature, PowerFeature, str]:
-    """Return what a row of a table is as a pole, what the line at it is, and which attribute says that.
+    """Return a table row's type as a pole, the type of its line, and the attribute that defines them.
 
     Its attributes may be those of its line.
     """
@@ -329,12 +329,12 @@ def classify_row(known: PlainAttributes) -> tuple[PowerFeature, PowerFeature, st
 
 
 def has_power_tag(known: PlainAttributes) -> bool:
-    """Return whether an element of a map has to do with power at all."""
+    """Return whether a map element has any power tag."""
     return "power" in known or _find_lifecycle(known, set()) is not None
 
 
 def has_all_tags(attributes: Attributes) -> bool:
-    """Return whether a feature of a map has a place for its power tag, so that it has none if that is empty."""
+    """Return whether a map feature has a column for its power tag, so that an empty one means no tag."""
     return any(key.strip().lower() in {"power", "@id", *NESTED} for key in attributes)
 
 
@@ -354,8 +354,8 @@ def _is_deleted(known: PlainAttributes) -> bool:
 
 
 def _find_lifecycle(known: PlainAttributes, power: set[str]) -> tuple[PowerFeature, str] | None:
-    """Return whether something is not in use yet, or not any more, and which attribute says so."""
-    for word in sorted(re.split("[:_]", value)[0] for value in power):  # of 'abandoned:line' too
+    """Return whether a feature is not yet, or no longer, in use, and the attribute that says so."""
+    for word in sorted(re.split("[:_]", value)[0] for value in power):  # also of 'abandoned:line'
         if word in LIFE:
             return LIFE[word], "power"
     for key in sorted(known.keys() & LIFE_KEYS):
@@ -384,7 +384,7 @@ def _is_underground(known: PlainAttributes) -> bool:
 
 
 def _split_values(known: PlainAttributes, key: str) -> set[str]:
-    """Return the values of a list such as 'line;cable', in small letters with underscores."""
+    """Return the values of a list like 'line;cable', in lower case with underscores."""
     if key not in known:
         return set()
     parts = (
@@ -394,7 +394,7 @@ def _split_values(known: PlainAttributes, key: str) -> set[str]:
 
 
 def _normalise_text(value: object) -> str:
-    """Return a value in small letters without accents."""
+    """Return a value in lower case without accents."""
     if is_blank(value):
         return ""
     text = str(value).strip().lower()

@@ -1,7 +1,7 @@
-"""Pictures of the ground: what lies below the line on maps, in the local metres of a frame, out of GeoTIFF and MBTiles.
+"""Read map backgrounds from GeoTIFF and MBTiles: imagery below the line, in the local metres of a frame.
 
-Files are of any size: only what lies around the line is read, no finer than it is shown, from overviews or coarser
-tiles, and laid square into the local plane.
+Files may have any size: only the area around the line is read, at display resolution, from overviews or coarser tiles,
+and resampled to the local plane.
 """
 
 from __future__ import annotations
@@ -42,36 +42,36 @@ NEEDS = "a GeoTIFF needs the extra maps: pip install rasterio pillow"
 FORMATS = {
     b"II*\x00": "GTiff", b"MM\x00*": "GTiff", b"II+\x00": "GTiff", b"MM\x00+": "GTiff", SQLITE_MAGIC: "MBTiles",
 }  # fmt: skip
-"""GDAL's name of a format, by how its files begin."""
+"""GDAL's format names, by file signature."""
 ZOOMS = 25
 FINER = 1.3
-"""A picture is read with so many more pixels than are shown at the most, on a side."""
+"""Linear oversampling: pixels read per pixel displayed, at most."""
 ALONG_M = 100.0
 BEYOND_PIXELS = 2
 MOST_READ = 2_000_000_000
-"""Pixels of a window that are read where there are no overviews: a minute."""
+"""Most pixels read from a window without overviews: a minute."""
 TAGS = ("TIFFTAG_COPYRIGHT", "COPYRIGHT", "ATTRIBUTION", "attribution", "TIFFTAG_ARTIST", "description")
-"""Where files say whom they are by; web maps put markup there."""
+"""Metadata keys of the attribution; web maps use markup in it."""
 DARK_PCT, BRIGHT_PCT = 1.0, 99.0
-"""Of pictures of more than 8 bits: what becomes black and white."""
+"""Percentiles that become black and white in pictures of more than 8 bits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Background:
-    """Pixels that lie square in the local plane."""
+    """Pixels on a square grid in the local plane."""
 
     pixels: Pixels
     """(rows, columns, 4): red, green, blue and opacity; the first row is the northernmost."""
     low_m: Corner
-    """South-western corner: outer edges, not middles of pixels."""
+    """South-western corner: outer edges, not pixel centres."""
     high_m: Corner
     attribution: str = ""
-    """Whom the picture is by, as its file says it; on one line."""
+    """Attribution from the file, on one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureArea:
-    """What of a picture is wanted."""
+    """The area of a picture to read."""
 
     frame: LocalFrame
     low_m: Corner
@@ -85,14 +85,14 @@ class PictureArea:
 
 
 def choose_grid_size(low_m: Corner, high_m: Corner, most_pixels: float, least_step_m: float) -> tuple[int, int]:
-    """Return rows and columns of a square grid over an area: as many as are allowed, none finer than a step."""
+    """Return rows and columns of a square grid over an area: as many as allowed, none finer than a step."""
     width_m, height_m = high_m[0] - low_m[0], high_m[1] - low_m[1]
     step_m = max(least_step_m, (width_m * height_m / most_pixels) ** 0.5, max(width_m, height_m) / 16_000)
     return max(2, round(height_m / step_m)), max(2, round(width_m / step_m))
 
 
 def strip_markup(text: str) -> str:
-    """Return a text without markup, on one line, no longer than a picture has room for.
+    """Return a text without markup, on one line, truncated to fit a picture.
 
     >>> strip_markup('&copy; <a href="https://example.org">Survey</a>')
     '© Survey'
@@ -101,7 +101,7 @@ def strip_markup(text: str) -> str:
 
 
 def read_background(path: Path, wanted: PictureArea) -> Background:
-    """Return what a file shows of an area.
+    """Return a file's picture of an area.
 
     Raises:
         BackgroundError: one line that names the file, the place in it and what was expected.
@@ -124,7 +124,7 @@ def read_background(path: Path, wanted: PictureArea) -> Background:
 
 
 def _list_zooms(path: Path) -> list[int | None]:
-    """Return the zooms of tiles, the finest first."""
+    """Return the tile zooms, the finest first."""
     zooms: list[int | None] = []
     words, reasons = f"{path}: content: expected MBTiles", (sqlite3.Error, sqlite3.Warning, OSError)
     with explaining_errors(words, *reasons, error=BackgroundError), open_sqlite(path) as database:
@@ -139,14 +139,14 @@ def _list_zooms(path: Path) -> list[int | None]:
 def _read(
     path: Path, dataset: rasterio.DatasetReader, wanted: PictureArea, *, may_be_coarser: bool
 ) -> Background | None:
-    """Return the area; None where it lies elsewhere, or coarser tiles show as much."""
+    """Return the area; None if it lies elsewhere, or coarser tiles show as much."""
     check_georeference(path, dataset, BackgroundError, "pixels")
     _check_bands(path, dataset)
     crs = pyproj.CRS.from_user_input(dataset.crs.to_wkt())
     window = find_window(dataset, locate_cells(dataset, crs, wanted.sample_places_deg()), BEYOND_PIXELS)
     if window is None:
         return None
-    # How many pixels of the file become one, on a side.
+    # Pixels of the file per output pixel, on a side.
     few = max(1.0, math.sqrt(window.width * window.height / wanted.most_pixels) / FINER)
     overviews = max([1, *dataset.overviews(1)])
     if window.width * window.height > MOST_READ * min(overviews, few) ** 2:
@@ -157,7 +157,7 @@ def _read(
     if may_be_coarser and few >= 2.0:
         return None
     shape = (max(1, round(window.height / few)), max(1, round(window.width / few)))
-    # About how large a pixel of the file is over the ground, in the middle of the area.
+    # Approximate size of a pixel of the file on the ground, at the centre of the area.
     middle_m = np.mean([wanted.low_m, wanted.high_m], axis=0)
     lattice_m = middle_m + ALONG_M * np.array([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
     at = locate_cells(dataset, crs, wanted.frame.many_to_wgs84_deg(lattice_m))
@@ -178,7 +178,7 @@ def _read(
 def _warp_to_plane(
     dataset: rasterio.DatasetReader, window: Window, shape: tuple[int, int], wanted: PictureArea, step_m: float
 ) -> Pixels:
-    """Return (4, rows, columns) pixels of a window laid into the local plane, no finer than a step."""
+    """Return (4, rows, columns) pixels of a window resampled to the local plane, no finer than a step."""
     from rasterio import Affine
     from rasterio.enums import Resampling
     from rasterio.warp import reproject

@@ -1,9 +1,9 @@
-"""Rasters by rasterio, whatever their cells hold: opened with little memory, and where places lie in them.
+"""Read rasters with rasterio: open them with little memory, locate places in them, and read ground heights.
 
-Of heights: GeoTIFF and COG, SRTM .hgt, DTED and ASCII grids; only what lies around the flights. They come out above
-mean sea level. What they are counted from is the file's word, its product's, or the site's; over the ellipsoid they are
-converted where PROJ has a geoid on this computer. What a run keeps of the rasters that it was planned by is numpy's own
-format, read without any library of rasters.
+Height formats are GeoTIFF and COG, SRTM .hgt, DTED and ASCII grids; only the area around the flights is read. Heights
+are returned above mean sea level. Their vertical reference comes from the file, its product, or the site; ellipsoidal
+heights are converted if PROJ has a geoid on this computer. The rasters that a run stores with its plan are in numpy's
+own format, readable without a raster library.
 """
 
 from __future__ import annotations
@@ -37,34 +37,34 @@ if TYPE_CHECKING:
 NEEDS = "a raster needs the extra terrain: pip install rasterio"
 KEPT_SUFFIX = ".npz"
 DRIVERS = ("GTiff", "SRTMHGT", "DTED", "AAIGrid")
-"""Formats that hold their own content: a raster that names others could fetch them from anywhere."""
+"""GDAL drivers of self-contained formats: a raster that refers to others could fetch them from anywhere."""
 SUFFIXES = frozenset({".tif", ".tiff", ".hgt", ".dt0", ".dt1", ".dt2", ".asc", KEPT_SUFFIX})
-"""What is read of a folder."""
+"""File suffixes read from a folder."""
 MOST_FILES = 500
 MOST_CELLS = 9_000_000
-"""Of one raster; more are combined, the highest of each few for all of them."""
+"""Most cells kept of one raster; with more, blocks of cells are combined to their highest."""
 LEAST_CELL_M = 5.0
-"""Smaller cells are combined: nobody flies so near to the ground that more would matter."""
+"""Least cell size; smaller cells are combined: no vehicle flies close enough to the ground to need more."""
 STRIP_CELLS = 2_000_000
 LATTICE_M = 1000.0
 LATTICE_NODES = 400
 BEYOND_CELLS = 3
-"""Read beside the area, for the cells around its outermost places."""
+"""Cells read around the area, for the cells around its outermost places."""
 LOWEST_M, HIGHEST_M = -500.0, 9000.0
-"""No ground is beyond: the Dead Sea's shore and Mount Everest."""
+"""Plausible range of ground heights: the Dead Sea's shore and Mount Everest."""
 EGM2008, EGM96, ELLIPSOID = "egm2008", "egm96", "ellipsoid"
 VERTICALS = {EGM2008: "EGM2008", EGM96: "EGM96", ELLIPSOID: "the ellipsoid"}
-"""What heights may be counted from, by the site's word, and as it is printed."""
+"""Vertical references by the site's keyword, and their display names."""
 CODES = {"EPSG:3855": EGM2008, "EPSG:5773": EGM96, "EPSG:5171": EGM96}
 BETWEEN_GEOIDS_M = 1.0
-"""EGM96, EGM2008 and the levelled heights of countries differ by less than this nearly everywhere."""
+"""EGM96, EGM2008 and national levelled heights differ by less than this nearly everywhere."""
 UNITS_M = {"": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "ft": 0.3048, "foot": 0.3048,
            "feet": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937}  # fmt: skip
 GRIDS = ("us_nga_egm96_15.tif", "egm96_15.gtx", "us_nga_egm08_25.tif", "egm08_25.gtx")
-"""The geoids that heights are converted by; the first that is there."""
+"""Geoid grids for the conversion of heights; the first available is used."""
 FORMAT = "faultline-terrain/1"
 MOST_BYTES = 1_000_000_000
-"""That an archive unpacks to: twice what reading keeps of the largest area."""
+"""Greatest unpacked size of an archive: twice what reading keeps of the largest area."""
 SAME_DEG = 1e-9
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
 
@@ -80,19 +80,19 @@ def open_raster(
     zoom: int | None = None,
     **options: str,
 ) -> Iterator[Any]:
-    """Open a raster that knows where it lies; nothing that it names is fetched, for it is read by these drivers alone.
+    """Open a georeferenced raster; nothing that it refers to is fetched, because only these drivers may read it.
 
     Args:
         path: The file.
-        drivers: GDAL's names of formats that hold their own content.
-        error: What to raise.
-        what: What is expected, for messages.
-        needs: What is said where nothing is installed to read it with.
-        zoom: Of tiles; None where there are none.
-        options: Of GDAL.
+        drivers: GDAL's names of self-contained formats.
+        error: Type to raise.
+        what: The expected content, for messages.
+        needs: Message if no library is installed to read it.
+        zoom: Tile zoom; None where there are no tiles.
+        options: GDAL options.
 
     Raises:
-        MissionsError: of the type that is given: it cannot be read, or lies nowhere.
+        MissionsError: of the given type: it cannot be read, or is not georeferenced.
     """
     try:
         from rasterio import Env
@@ -103,7 +103,7 @@ def open_raster(
     try:
         # A small cache: blocks are read once, and in order.
         with warnings.catch_warnings(), Env(GDAL_CACHEMAX=64, GDAL_NUM_THREADS="1", **options):
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # it is refused in our own words
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with our own message
             tiles = {} if zoom is None else {"ZOOM_LEVEL": zoom}
             with DatasetReader(str(path.absolute()), driver=list(drivers), **tiles) as dataset:
                 yield dataset
@@ -115,10 +115,10 @@ def open_raster(
 
 
 def check_georeference(path: Path, dataset: rasterio.DatasetReader, error: type[MissionsError], cells: str) -> None:
-    """Refuse a raster that does not say where its cells lie.
+    """Refuse a raster without georeference.
 
     Raises:
-        MissionsError: of the type that is given.
+        MissionsError: of the given type.
     """
     if dataset.crs is None:
         raise error(f"{path}: crs: expected a coordinate reference system in the file, found none")
@@ -130,17 +130,17 @@ def check_georeference(path: Path, dataset: rasterio.DatasetReader, error: type[
 
 
 def locate_cells(dataset: rasterio.DatasetReader, level: pyproj.CRS, places_deg: FloatArray) -> FloatArray:
-    """Return (m, 2) rows and columns in a raster of (m, 2) latitude and longitude; middles of cells are whole numbers.
+    """Return (m, 2) rows and columns in a raster of (m, 2) latitude and longitude; cell centres are whole numbers.
 
     Args:
         dataset: The raster.
-        level: The reference system of its places.
-        places_deg: Which places.
+        level: The horizontal reference system.
+        places_deg: The places.
     """
     to_raster = pyproj.Transformer.from_crs("EPSG:4326", level.to_2d(), always_xy=True)
     x, y = (np.asarray(value) for value in to_raster.transform(places_deg[:, 1], places_deg[:, 0]))
     if level.is_geographic:
-        # Around the antimeridian both ways of counting degrees are in use.
+        # Around the antimeridian both conventions for degrees are in use.
         there = dataset.transform
         middle = there.a * dataset.width / 2 + there.b * dataset.height / 2 + there.c
         x = x + 360.0 * np.round((middle - x) / 360.0)
@@ -151,7 +151,7 @@ def locate_cells(dataset: rasterio.DatasetReader, level: pyproj.CRS, places_deg:
 
 
 def find_window(dataset: rasterio.DatasetReader, at: FloatArray, beyond: int) -> Window | None:
-    """Return the part of a raster that holds (m, 2) rows and columns, and so many cells more; None if it holds none."""
+    """Return the part of a raster with (m, 2) rows and columns, plus a margin of cells; None if it holds none."""
     from rasterio.windows import Window
 
     at = at[np.isfinite(at).all(axis=1)]
@@ -165,15 +165,15 @@ def find_window(dataset: rasterio.DatasetReader, at: FloatArray, beyond: int) ->
 
 
 def measure_cell_m(at: FloatArray, step_m: float) -> float:
-    """Return how large a cell is over the ground: the smaller of its sides; not a number where it has none.
+    """Return the cell size over the ground: its smaller side; NaN if it has none.
 
     Args:
-        at: (easts, norths, 2) rows and columns of a lattice of places; its middle is looked at.
-        step_m: Between these.
+        at: (easts, norths, 2) rows and columns of a lattice of places; its centre is evaluated.
+        step_m: Spacing of the lattice.
     """
     e, n = at.shape[0] // 2 - 1, at.shape[1] // 2 - 1
     along_e, along_n = (at[e + 1, n] - at[e, n]) / step_m, (at[e, n + 1] - at[e, n]) / step_m
-    cells = np.array([along_e, along_n]).T  # row and column a metre east, a metre north
+    cells = np.array([along_e, along_n]).T  # row and column per metre east and north
     if not np.isfinite(cells).all() or abs(np.linalg.det(cells)) < 1e-15:
         return math.nan
     return float(np.hypot(*np.linalg.inv(cells)).min())
@@ -181,7 +181,7 @@ def measure_cell_m(at: FloatArray, step_m: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class RasterProduct:
-    """A raster that everybody has, known by its name."""
+    """A publicly available raster, recognized by its file name."""
 
     words: str
     name: re.Pattern[str]
@@ -194,24 +194,24 @@ PRODUCTS = (
     # Copernicus DEM product handbook: absolute vertical accuracy < 4 m, 90 % linear error, of both resolutions.
     RasterProduct("Copernicus GLO-30", re.compile(r"Copernicus_DSM_(COG_)?10_", re.IGNORECASE), EGM2008, 4.0),
     RasterProduct("Copernicus GLO-90", re.compile(r"Copernicus_DSM_(COG_)?30_", re.IGNORECASE), EGM2008, 4.0),
-    # The mission's specification: 16 m absolute; what was measured is better, by continent 6 to 9 m.
+    # The mission's specification: 16 m absolute; measured values are better, by continent 6 to 9 m.
     RasterProduct("SRTM", re.compile(r"^[NS]\d{2}[EW]\d{3}.*\.hgt$|^srtm_", re.IGNORECASE), EGM96, 16.0),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class RasterOptions:
-    """How rasters are to be read."""
+    """How to read rasters."""
 
     frame: LocalFrame
-    """Whose metres."""
+    """Frame of the area's metres."""
     low_m: tuple[float, float]
     """South-western corner of the area."""
     high_m: tuple[float, float]
     vertical: str = "file"
-    """What heights are counted from, if the files do not say so, or say it wrongly."""
+    """Vertical reference if the files do not state it, or state it wrongly."""
     uncertainty_m: float | None = None
-    """Nine of ten heights are nearer than this to the truth; None: as the product says."""
+    """Error that 90 % of the heights stay within; None: the product's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,11 +223,11 @@ class _RasterPart:
 
 
 def read_elevation(paths: Sequence[Path], reading: RasterOptions) -> Elevation:
-    """Read what rasters know of an area; the last answer stays known for as long as its files are the same.
+    """Read rasters over an area; the last result is cached until its files change.
 
     Args:
         paths: Files, or folders of them.
-        reading: The area, and what the files do not say.
+        reading: The area, and data missing in the files.
 
     Raises:
         ElevationError: one line that names the file, the place in it and what was expected.
@@ -284,8 +284,8 @@ def _list_files(paths: Sequence[Path]) -> list[Path]:
 
 
 def _read(path: Path, reading: RasterOptions) -> _RasterPart | None:
-    """Return what a file knows of the area; None if that is nothing."""
-    # Nothing beside the file is looked for.
+    """Return a file's part of the area; None if it has none."""
+    # Do not search for sidecar files.
     with open_raster(
         path, DRIVERS, ElevationError, "raster of heights", NEEDS, GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"
     ) as dataset:
@@ -327,7 +327,7 @@ def _check_kind(path: Path, dataset: rasterio.DatasetReader) -> None:
 
 
 def _read_systems(path: Path, dataset: rasterio.DatasetReader) -> tuple[pyproj.CRS, pyproj.CRS | None]:
-    """Return the reference systems of places and of heights; the latter where the file says one."""
+    """Return the horizontal and the vertical reference system; the latter only if stated in the file."""
     system = pyproj.CRS.from_user_input(dataset.crs.to_wkt())
     parts = system.sub_crs_list if system.is_compound else [system]
     level = parts[0]
@@ -342,11 +342,11 @@ def _read_systems(path: Path, dataset: rasterio.DatasetReader) -> tuple[pyproj.C
 def _determine_vertical(
     path: Path, said: pyproj.CRS | None, product: RasterProduct | None, reading: RasterOptions
 ) -> tuple[str, float]:
-    """Return what heights are counted from, and what that adds to their uncertainty."""
+    """Return the vertical reference of the heights, and the uncertainty that it adds."""
     if reading.vertical != "file":
         vertical = reading.vertical
     elif said is not None and (not said.is_vertical or "ellips" in said.name.lower()):
-        vertical = ELLIPSOID  # by its name, or by three axes over one
+        vertical = ELLIPSOID  # by its name, or by three axes over an ellipsoid
     elif said is not None:
         vertical = CODES.get(":".join(said.to_authority(min_confidence=70) or ()), to_printable(said.name))
     elif product is not None:
@@ -396,9 +396,9 @@ def _build_tile(
 def _read_heights(
     path: Path, dataset: rasterio.DatasetReader, window: Window, few: int, unit_m: float
 ) -> tuple[Heights, Heights]:
-    """Return the means and the highest of each few cells by as many; the same array where nothing is combined.
+    """Return the mean and the highest height of each square block of cells; the same array if nothing is combined.
 
-    Where one of them is not known, none of them is.
+    If one cell of a block is unknown, the block is unknown.
     """
     from rasterio.windows import Window
 
@@ -417,7 +417,7 @@ def _read_heights(
         values = np.ma.getdata(read).astype(np.float32) * np.float32(scale * unit_m) + np.float32(offset * unit_m)
         values[np.ma.getmaskarray(read) | ~np.isfinite(values)] = np.nan
         _check_values(path, dataset, part, values)
-        # Tenths of a metre, upwards: far below what any raster is sure of, and small where it is kept.
+        # Tenths of a metre, rounded up: far below any raster's accuracy, and compact when stored.
         values = np.ceil(values * np.float32(10.0)) / np.float32(10.0)
         if few > 1:
             height, width = (last - first) * few, columns * few
@@ -442,12 +442,12 @@ def _check_values(path: Path, dataset: rasterio.DatasetReader, part: Window, val
 
 
 def convert_to_sea_level(path: Path, tile: Tile, frame: LocalFrame) -> tuple[Tile, float]:
-    """Return a tile whose heights were counted from the ellipsoid, and by how much it may be off for it.
+    """Return a tile with ellipsoidal heights converted to sea level, and the error of the conversion.
 
-    The geoid is even over kilometres: between the lattice's nodes it is a curved plane, whose largest error is told.
+    The geoid is smooth over kilometres: it is bilinear between the lattice's nodes, and the largest error is returned.
 
     Raises:
-        ElevationError: there is no geoid here, and nothing is fetched.
+        ElevationError: there is no geoid on this computer, and none is fetched.
     """
     easts, norths = (tile.low_m[axis] + tile.step_m * np.arange(tile.lattice.shape[axis]) for axis in (0, 1))
     nodes_m = np.stack(np.meshgrid(easts, norths, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -471,7 +471,7 @@ def _subtract_geoid(heights_m: Heights, over_m: FloatArray) -> Heights:
 
 
 def _undulations_m(path: Path, places_deg: FloatArray) -> FloatArray:
-    """Return (m,) heights of the geoid over the ellipsoid at (m, 2) latitudes and longitudes."""
+    """Return (m,) geoid heights over the ellipsoid at (m, 2) latitudes and longitudes."""
     for grid in GRIDS:
         try:
             with warnings.catch_warnings():
@@ -492,7 +492,7 @@ def _undulations_m(path: Path, places_deg: FloatArray) -> FloatArray:
 
 
 def write_kept_ground(path: Path, elevation: Elevation) -> None:
-    """Write what was read, so that the same ground is read again without the rasters.
+    """Write the ground data, so that it can be read again without the rasters.
 
     Raises:
         OSError: it cannot be written.
@@ -527,14 +527,14 @@ def write_kept_ground(path: Path, elevation: Elevation) -> None:
 
 
 def read_kept_ground(path: Path, frame: LocalFrame) -> Elevation:
-    """Read what a run has kept.
+    """Read the ground data of a run.
 
     Args:
         path: The file.
-        frame: Of the site, which must be the one that it was kept for.
+        frame: The site's frame, which must be the stored one.
 
     Raises:
-        ElevationError: it is damaged, or of another depot.
+        ElevationError: it is damaged, or belongs to another depot.
     """
     try:
         with zipfile.ZipFile(path) as archive:

@@ -1,6 +1,6 @@
-"""The one road from what a file has to what is drawn, so that a file means the same in every format.
+"""Convert a file's features to poles and lines, the same way for every format.
 
-Points are poles and lines are lines, if they are any by what their attributes say; positions become WGS 84.
+Points become poles and lines become lines, unless their attributes say otherwise; positions become WGS 84.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ from missions.readers.values import NO_HEIGHT_M, Attributes
 
 WGS84 = "EPSG:4326"
 Position = tuple[float, float, float | None]
-"""Easting or longitude first, then northing or latitude, and the third coordinate where there is one."""
+"""Easting or longitude first, then northing or latitude, and the third coordinate if there is one."""
 POLE_NAMES = ("name", "ref", "id")
 EMPTY, OTHER = "empty feature", "feature of another geometry"
 
 
 @dataclass(frozen=True, slots=True)
 class Wgs84Transform:
-    """From one reference system; longitude or easting comes first, whatever the system's own order."""
+    """Transform from a reference system; longitude or easting comes first, whatever the system's own axis order."""
 
     words: str
-    """What the system is called."""
+    """Name of the system."""
     transformer: pyproj.Transformer | None
-    """None where there is nothing to do."""
+    """None for the identity."""
 
     def lat_lon_deg(
         self, xs: Sequence[float], ys: Sequence[float], places: Sequence[str] | str
@@ -64,7 +64,7 @@ class Wgs84Transform:
         """Return latitude and longitude of many places.
 
         Raises:
-            NetworkError: one has none in this system.
+            NetworkError: one is outside the valid area of this system.
         """
         if self.transformer is None:
             return list(zip(ys, xs, strict=True))
@@ -81,18 +81,18 @@ class Wgs84Transform:
 
 
 IDENTITY = Wgs84Transform("WGS 84", None)
-"""Of files that have no other system."""
+"""For files that are always WGS 84."""
 
 
 def build_wgs84_transform(said: object, place: str = "") -> Wgs84Transform:
-    """Return the way from a reference system to WGS 84.
+    """Return the transform from a reference system to WGS 84.
 
     Args:
-        said: What names or defines it: 'EPSG:5514', well-known text.
-        place: What comes before the key in messages: the layer.
+        said: Name or definition: 'EPSG:5514', well-known text.
+        place: Prefix of the key in messages: the layer.
 
     Raises:
-        NetworkError: it is unknown, or has no two horizontal axes.
+        NetworkError: it is unknown, or does not have two horizontal axes.
     """
     try:
         system = pyproj.CRS.from_user_input(said)
@@ -102,7 +102,7 @@ def build_wgs84_transform(said: object, place: str = "") -> Wgs84Transform:
         raise NetworkError(
             f"{place}crs: expected a coordinate reference system such as 'EPSG:32633', got {text!r}"
         ) from error
-    if system.is_compound:  # with heights, of which nothing is used
+    if system.is_compound:  # with heights, which are ignored
         system = system.sub_crs_list[0]
     if not (system.is_projected or system.is_geographic):
         raise NetworkError(f"{place}crs: expected a map grid or degrees, got {system.name!r}")
@@ -115,7 +115,7 @@ def build_wgs84_transform(said: object, place: str = "") -> Wgs84Transform:
 
 
 class GeometryKind(StrEnum):
-    """What a layer or a feature is made of."""
+    """Geometry type of a layer or a feature."""
 
     POINT = "point"
     LINE = "line"
@@ -124,39 +124,39 @@ class GeometryKind(StrEnum):
 
 @dataclass(frozen=True)
 class Feature:
-    """One feature: points, or a line of several parts, which are looked at only if it is wanted."""
+    """One feature: points, or a line of several parts, evaluated only if it is selected."""
 
     place: str
     kind: GeometryKind
     parts: Iterable[Sequence[Position]]
     attributes: Attributes
     id: object = None
-    """What the file says beside the attributes, as GeoJSON and OpenStreetMap do."""
+    """Id stored outside the attributes, as in GeoJSON and OpenStreetMap."""
     name: str = ""
-    """What it is called whatever its attributes say."""
+    """Name that overrides the attributes."""
     other: str = OTHER
-    """What it is where it is neither."""
+    """Its type if it is neither point nor line."""
     pole_names: Sequence[str] = POLE_NAMES
-    """What is taken for a pole's name first."""
+    """Attributes that hold a pole's name, in order of preference."""
 
     @cached_property
     def known(self) -> PlainAttributes:
-        """Its attributes by their plain names, with those that are nested."""
+        """Its attributes by their normalised names, with nested ones."""
         return normalise_attributes(flatten_attributes(self.attributes))
 
     @cached_property
     def osm_id(self) -> tuple[str, str] | None:
-        """What of OpenStreetMap it is, and its number; None where it is nothing of it."""
+        """OpenStreetMap element type and number; None if it is not from OpenStreetMap."""
         return osm_id_of(self.known, self.id, NODE if self.kind is GeometryKind.POINT else WAY)
 
     @property
     def is_of_map(self) -> bool:
-        """Whether all tags of OpenStreetMap are there."""
+        """Whether all tags of OpenStreetMap are present."""
         return self.osm_id is not None and has_all_tags(self.attributes)
 
     @property
     def title(self) -> str:
-        """What it is called; empty where nothing says so."""
+        """Its name; empty if it has none."""
         if self.name:
             return self.name
         if self.osm_id is not None:
@@ -173,20 +173,20 @@ class SourceLayer:
     kind: GeometryKind
     count: int
     features: Iterable[Feature]
-    """Read only if the layer is wanted."""
+    """Read only if the layer is selected."""
     system: str
-    """What names or defines its reference system; empty where the file does not say one."""
+    """Name or definition of its reference system; empty if the file has none."""
     place: str
-    """Where it says so, for messages."""
+    """Where the file states it, for messages."""
 
 
 def add_layers(drawing: RawNetwork, layers: Sequence[SourceLayer], choice: ReadOptions) -> None:
-    """Add the layers that are wanted, each in its own reference system.
+    """Add the selected layers, each in its own reference system.
 
     Raises:
         NetworkError: one line that names the file, the layer and feature and what was expected.
     """
-    # Those asked for, or else those of points and lines if they are one of each at most.
+    # The requested ones, or else those of points and lines if there is at most one of each.
     useful = [layer for layer in layers if layer.kind is not GeometryKind.OTHER]
     if not useful:
         others = f" but {quote_names(layer.name for layer in layers)}" if layers else ""
@@ -221,13 +221,13 @@ def add_features(
     choice: ReadOptions,
     system: Wgs84Transform = IDENTITY,
 ) -> None:
-    """Add features to what is drawn.
+    """Add features to a drawing.
 
     Args:
-        drawing: What is drawn.
-        features: Of a layer, or of a whole file.
-        choice: What of them is wanted.
-        system: Of their positions.
+        drawing: The drawing to add to.
+        features: Features of a layer, or of a whole file.
+        choice: The selection.
+        system: Reference system of their positions.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
@@ -242,9 +242,9 @@ def add_features(
 
 
 def is_wanted_line(drawing: RawNetwork, feature: Feature, choice: ReadOptions) -> bool:
-    """Return whether a line is one that is flown and wanted; what is not flown is noted.
+    """Return whether a line is overhead, in use and selected; a line that is not flown is noted.
 
-    What is in use no more is wanted where a filter asks for the attribute that says so.
+    A disused line is accepted if a filter refers to the attribute that marks it as disused.
     """
     meaning, key = classify_line(feature.known, of_map=feature.is_of_map)
     if meaning is not PowerFeature.SPAN and not (meaning is PowerFeature.DISUSED and choice.has_comparison_of(key)):
@@ -254,7 +254,7 @@ def is_wanted_line(drawing: RawNetwork, feature: Feature, choice: ReadOptions) -
 
 
 def add_points(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDENTITY) -> None:
-    """Add the poles of a feature, or the depot; what is no pole is noted.
+    """Add the poles of a feature, or the depot; points that are not poles are noted.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
@@ -262,7 +262,7 @@ def add_points(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = I
     place, known, name, of_map = feature.place, feature.known, feature.title, feature.is_of_map
     is_depot = str(known.get("role", "")).strip().lower() == "depot"
     meaning, _ = classify_point(known, of_map=of_map)
-    # Programs write a point without a place as one of no numbers.
+    # Programs write a point without a place with NaN coordinates.
     positions = [at for at in itertools.chain.from_iterable(feature.parts) if not (isnan(at[0]) and isnan(at[1]))]
     is_pole = meaning is PowerFeature.POLE and not is_depot
     if not is_depot and not (is_pole and positions):
@@ -279,7 +279,7 @@ def add_points(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = I
 
 
 def _add_pole(drawing: RawNetwork, pole: Pole, known: PlainAttributes, *, of_map: bool) -> None:
-    """Add a pole; heights that an attribute only hints at count if all poles of the file have them."""
+    """Add a pole; heights only hinted at by an attribute count if all poles of the file have them."""
     hints = {key: read_loose_metres(known, key, of_map=of_map) for key in LOOSE if getattr(pole, key) is None}
     found = {key: value_m for key, (value_m, _) in hints.items() if value_m is not None}
     elevation_m, height_m = found.get("elevation_m", pole.elevation_m), found.get("height_m", pole.height_m)
@@ -288,7 +288,7 @@ def _add_pole(drawing: RawNetwork, pole: Pole, known: PlainAttributes, *, of_map
 
 
 def read_third_coordinate(value: object) -> float | None:
-    """Return a third coordinate; None where it is none that a place can have, or nothing at all."""
+    """Return a third coordinate; None if it is missing or implausible."""
     return float(value) if is_figure(value) and value and value > NO_HEIGHT_M else None
 
 

@@ -1,18 +1,17 @@
-"""GeoJSON networks (RFC 7946: longitude first, WGS 84; an older file may name another system in ``crs``).
+"""Read GeoJSON networks (RFC 7946: longitude first, WGS 84; an older file may name another system in ``crs``).
 
-- A Point with property ``role: "depot"`` is the depot; its height is ``elevation_m``, which it must have where pylons
-  have theirs.
+- A Point with property ``role: "depot"`` is the depot; its height is ``elevation_m``, required if pylons have theirs.
 - Every other Point is a pylon: ``id``, ``ref`` or ``name``, and ``elevation_m`` (ground above mean sea level) and
-  ``height_m`` (the structure), which are known of all pylons or of none.
-- A LineString or MultiLineString is a line, named by its ``name``, ``ref`` or ``id``; it becomes spans at the pylons.
+  ``height_m`` (the structure), known for all pylons or for none.
+- A LineString or MultiLineString is a line, named by its ``name``, ``ref`` or ``id``; it is split into spans at pylons.
 - A feature of any other or no geometry with properties ``a`` and ``b`` is one segment between two pylons by their ids;
-  a LineString with both is taken that way too. ``line`` says which line it belongs to.
-- Polygons are left out, and so is what is no pole or no line by its attributes (`meaning`).
-- ``flat_ground: true`` beside ``features`` says that the ground is as high as the depot's everywhere.
+  so is a LineString with both. ``line`` names its line.
+- Polygons are left out, and so are features that are neither pole nor line by their attributes (see `attributes`).
+- ``flat_ground: true`` next to ``features`` states that the ground is level with the depot.
 
-A third coordinate is metres above the ellipsoid by the RFC, tens of metres off mean sea level, and whether ground, wire
-or top no file says: it is kept with the pylon and never flown by. ``heights`` refuses a file that has nothing better,
-and one whose ``elevation_m`` it contradicts.
+By the RFC a third coordinate is metres above the ellipsoid, tens of metres off mean sea level, and no file states
+whether it is that of ground, wire or top: it is kept with the pylon and never flown by. ``line_heights`` refuses a file
+that has only this, and one whose ``elevation_m`` contradicts it.
 """
 
 from __future__ import annotations
@@ -51,17 +50,17 @@ KINDS = {
 
 @dataclass(frozen=True)
 class GeoFeature(Feature):
-    """One feature as the file has it; `other` is its geometry's type."""
+    """One feature as in the file; `other` is its geometry's type."""
 
     coordinates: object = None
 
 
 def parse_geojson(document: Mapping[str, object], choice: ReadOptions) -> RawNetwork:
-    """Return what a FeatureCollection shows.
+    """Return the content of a FeatureCollection.
 
     Args:
         document: The JSON object.
-        choice: What of it is wanted.
+        choice: The part to read.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -81,10 +80,10 @@ def parse_geojson(document: Mapping[str, object], choice: ReadOptions) -> RawNet
 
 
 def parse_features(text: str, source: str) -> Mapping[str, object]:
-    """Return the JSON object of a text; of GeoJSON lines, one feature a line, a collection of them.
+    """Return the JSON object in a text; GeoJSON lines, one feature a line, become a collection.
 
     Raises:
-        NetworkError: it is none.
+        NetworkError: it is not a JSON object.
     """
     first, _, rest = text.strip().partition("\n")
     if rest and first.rstrip().endswith("}") and find_object(first).get("type") == "Feature":
@@ -98,10 +97,10 @@ def parse_features(text: str, source: str) -> Mapping[str, object]:
 
 
 def check_whole(document: Mapping[str, object]) -> None:
-    """Refuse the part of an answer whose server says that there is more: ArcGIS, WFS and OGC API Features.
+    """Refuse a partial answer, marked by its server as incomplete: ArcGIS, WFS and OGC API Features.
 
     Raises:
-        NetworkError: it is a part.
+        NetworkError: it is partial.
     """
     inner = document.get("properties")
     for said in (document, inner if isinstance(inner, dict) else {}):
@@ -130,7 +129,7 @@ def check_whole(document: Mapping[str, object]) -> None:
 
 
 def system_of(document: Mapping[str, object]) -> Wgs84Transform:
-    """Return the system that files before RFC 7946, and QGIS when asked, name.
+    """Return the reference system named in the file, as before RFC 7946 and optionally by QGIS.
 
     Raises:
         NetworkError: it is unknown.
@@ -177,7 +176,7 @@ def features_of(document: Mapping[str, object]) -> Iterator[GeoFeature]:
 
 
 def _check_names(drawing: RawNetwork, meant: Container[str]) -> None:
-    """Refuse a name of several pylons that a segment means one by."""
+    """Refuse a name shared by several pylons if a segment refers to it."""
     seen: set[str] = set()
     for pole in drawing.poles:
         if pole.name in seen and pole.name in meant:
@@ -201,7 +200,7 @@ def _build_span(feature: GeoFeature) -> Span:
 
 
 def _call_by_id(feature: GeoFeature, meant: Container[str]) -> GeoFeature:
-    """Return a feature; a pole that a segment means by its id is called by that."""
+    """Return a feature; a pole to which a segment refers by its id gets that as its name."""
     own = name_of(feature.attributes, ("id",)) or name_of({"id": feature.id})
     return replace(feature, name=own) if feature.kind is GeometryKind.POINT and own in meant else feature
 
@@ -237,7 +236,7 @@ def _read_positions(positions: object, place: str) -> list[Position]:
 
 
 def _read_position(coordinates: object, place: str) -> Position:
-    """Return a position; what comes after longitude and latitude is none that anybody flies by (RFC 7946, 3.1.1)."""
+    """Return a position; values after longitude and latitude are not used for flight (RFC 7946, 3.1.1)."""
     own = coordinates if isinstance(coordinates, list) else []
     x, y = (degrees_of(own[i], letters) if i < len(own) else None for i, letters in enumerate((EAST_WEST, NORTH_SOUTH)))
     if not is_figure(x) or not is_figure(y):

@@ -1,11 +1,11 @@
-"""Files of layers, of any reference system: GeoPackages, and shapefiles, one by its .shp or several in a zip archive.
+"""Read layered files in any reference system: GeoPackages, and shapefiles, as a .shp or several in a zip archive.
 
-A GeoPackage (OGC 12-128) is an SQLite file, read with Python's own sqlite3 and never written to; geometries are
-the standard's header before well-known binary.
+A GeoPackage (OGC 12-128) is an SQLite file, read with Python's own sqlite3 and never written; geometries are the
+standard's header followed by well-known binary.
 
-The .shp, .shx and .dbf of a shapefile belong together. Programs that change a shape in place write it at the end of the
-.shp, where only the .shx points, and mark what was deleted in the .dbf alone: which shapes there are, and in which
-order, all three say together.
+The .shp, .shx and .dbf of a shapefile belong together. Programs that edit a shape in place append it to the .shp, where
+only the .shx refers to it, and mark deleted ones in the .dbf only: the set of shapes and their order follow from all
+three together.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ SQLITE_MAGIC = b"SQLite format 3\x00"
 JOURNALS = ("-wal", "-journal")
 WAL = b"\x02\x02"
 COPIES = 5
-"""How often a file is copied that is written meanwhile."""
+"""Most attempts to copy a file that is being written."""
 MOST_FEATURES = 500_000
 ENVELOPE_BYTES = {0: 0, 1: 32, 2: 48, 3: 48, 4: 64}
 POINT, LINE, MULTI_POINT, MULTI_LINE, COLLECTION = 1, 2, 4, 5, 7
 MOST_WORK = 20_000_000
-"""Thousands of steps of SQLite's machine before a query is given up: a view may be anything."""
+"""Thousands of SQLite virtual machine steps after which a query is aborted: a view may be arbitrarily expensive."""
 KINDS_BY_NAME = {
     "POINT": GeometryKind.POINT, "MULTIPOINT": GeometryKind.POINT, "LINESTRING": GeometryKind.LINE,
     "MULTILINESTRING": GeometryKind.LINE,
@@ -66,11 +66,11 @@ HEADER = 100
 
 
 class _Damaged(Exception):
-    """A geometry that is none; or a file that is cut off, or of another state than the others of its layer."""
+    """An invalid geometry; or a file that is truncated, or inconsistent with the others of its layer."""
 
 
 def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
-    """Return what a GeoPackage shows.
+    """Return the content of a GeoPackage.
 
     Raises:
         NetworkError: one line that names the file, the layer and feature and what was expected.
@@ -78,7 +78,7 @@ def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
     reasons = sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError
     with explaining_errors("content: expected a GeoPackage", *reasons), open_sqlite(path) as database:
         drawing = _read_tables(database, choice)
-    # It says that its last changes go to a -wal, and none is there.
+    # Its header requires a -wal for the last changes, and there is none.
     with path.open("rb") as file:
         modes = file.read(20)[18:20]
     if modes == WAL and not path.resolve().with_name(path.resolve().name + JOURNALS[0]).exists():
@@ -89,9 +89,9 @@ def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
 
 @contextmanager
 def open_sqlite(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open an SQLite file of a stranger, to be read: nothing is written, and no query lasts for ever.
+    """Open an untrusted SQLite file read-only, with a limit on the duration of queries.
 
-    What a program that has it open has saved lies in a journal beside it: both are read, from a copy.
+    Changes saved by a program that has it open are in a journal next to it: both are read, from a copy.
 
     Raises:
         sqlite3.Error: it cannot be opened.
@@ -146,7 +146,7 @@ def _read_tables(database: sqlite3.Connection, choice: ReadOptions) -> RawNetwor
 
 
 def _build_query(what: str, table: object) -> str:
-    """Return a query of a whole table, whose name is the file's."""
+    """Return a query of a whole table, whose name comes from the file."""
     name = str(table).replace('"', '""')
     return " ".join(("SELECT", what, "FROM", f'"{name}"'))
 
@@ -181,10 +181,10 @@ def _iterate_rows(database: sqlite3.Connection, table: str, column: str) -> Iter
 
 
 def parse_geometry(blob: bytes) -> tuple[GeometryKind, Sequence[Sequence[Position]]]:
-    """Return what a geometry of a GeoPackage is, and its positions by part.
+    """Return the kind of a GeoPackage geometry, and its positions by part.
 
     Raises:
-        _Damaged: it is none.
+        _Damaged: it is invalid.
     """
     if not isinstance(blob, bytes) or blob[:2] != b"GP" or len(blob) < 8:
         raise _Damaged("no header 'GP'")
@@ -202,12 +202,12 @@ def parse_geometry(blob: bytes) -> tuple[GeometryKind, Sequence[Sequence[Positio
 
 
 def _parse_wkb(blob: bytes, at: int, into: list[tuple[int, list[Position]]], depth: int) -> int:
-    """Read well-known binary at a place; return where it ends."""
+    """Parse well-known binary at an offset; return the offset of its end."""
     order = {0: ">", 1: "<"}.get(blob[at] if at < len(blob) else -1)
     if order is None or depth > 4:
         raise _Damaged("no well-known binary")
     code = int(struct.unpack_from(f"{order}I", blob, at + 1)[0])
-    # What comes beside the first two coordinates, as ISO or as PostGIS says it.
+    # Dimensions beyond the first two, as encoded by ISO or by PostGIS.
     thousands, has_z = (code & 0x0FFFFFFF) // 1000, bool(code & 0x80000000)
     width = 2 + max({1: 1, 2: 1, 3: 2}.get(thousands, 0), has_z + bool(code & 0x40000000))
     third = 2 if has_z or thousands in {1, 3} else None
@@ -232,7 +232,7 @@ def _parse_wkb(blob: bytes, at: int, into: list[tuple[int, list[Position]]], dep
 
 
 def read_shapefile(path: Path, choice: ReadOptions) -> RawNetwork:
-    """Return what the shapefile beside whose .shp the others lie shows.
+    """Return the content of a shapefile, given its .shp; the other files are next to it.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
@@ -248,7 +248,7 @@ def read_shapefile(path: Path, choice: ReadOptions) -> RawNetwork:
 
 
 def read_zipped_shapes(archive: Archive, choice: ReadOptions) -> RawNetwork:
-    """Return what the shapefiles of an archive show.
+    """Return the content of an archive's shapefiles.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
@@ -267,7 +267,7 @@ def read_zipped_shapes(archive: Archive, choice: ReadOptions) -> RawNetwork:
 
 
 def _read_shapes(every: Sequence[tuple[str, Mapping[str, bytes]]], choice: ReadOptions) -> RawNetwork:
-    """Return what layers show, by their names and their files as far as they are there."""
+    """Return the content of layers, given by name with the files present."""
     if find_spec("shapefile") is None:
         raise NetworkError(f"a shapefile {NEEDS}")
     drawing = choice.create_raw_network(SHAPEFILE)
@@ -310,7 +310,7 @@ def _iterate_shapes(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
         for number in range(len(reader)):
             record, shape = reader.record(number), reader.shape(number)
             if record is None or shape is None:
-                continue  # it is marked as deleted
+                continue  # marked as deleted
             place, kind = f"layer {layer!r} feature {number + 1}", _kind_of(shape.shapeType)
             heights = getattr(shape, "z", None) or [None] * len(shape.points)
             positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in
@@ -327,7 +327,7 @@ def _iterate_shapes(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
 
 
 def _check_parts(shp: bytes, shx: bytes | None, dbf: bytes) -> None:
-    """Refuse files that are cut off, or of another state than the others.
+    """Refuse files that are truncated, or inconsistent with each other.
 
     Raises:
         _Damaged: they are.
@@ -346,7 +346,7 @@ def _check_parts(shp: bytes, shx: bytes | None, dbf: bytes) -> None:
 
 
 def _count_shapes(shp: bytes) -> int:
-    """Return how many shapes a file without its index has."""
+    """Return the number of shapes in a file without its index."""
     count, numbers, at = 0, set[int](), HEADER
     while at + 8 <= len(shp):
         number, words = struct.unpack_from(">ii", shp, at)

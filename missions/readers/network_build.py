@@ -1,7 +1,7 @@
-"""From what is drawn to a network: ends are joined, lines become spans at poles, and whatever is odd is said.
+"""Build a network from a drawing: join ends, split lines into spans at poles, and report oddities.
 
-A file with poles: lines are split where they pass a pole, and a pole is made only where a line bends or ends without
-one. A file without: every position of a line is a pole, and spans that are longer than asked for are divided.
+In a file with poles, lines are split where they pass a pole, and a pole is added only where a line bends or ends
+without one. In a file without poles, every position of a line is a pole, and spans longer than requested are divided.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment, check_degrees
 from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
 
 SAME_POLE_M = 0.5
-"""Two poles of a file that are nearer than this are one."""
+"""Distance below which two poles of a file are merged."""
 SNAP_M = 0.5
 STRAIGHT_M = 1.0
-"""A position without a pole that is nearer to the straight between its neighbours than this is none of a pole."""
+"""Distance from the straight line between its neighbours below which a position is not a pole."""
 NEAR_M = 20.0
-"""How far the nearest pole may be for a finding to name it."""
+"""Greatest distance of the nearest pole that a finding names."""
 LONG_M = 1000.0
-"""A span that is longer is worth a look."""
+"""Span length above which a finding is reported."""
 MOST_SPANS = 100_000
 NEARLY_M = 10.0
-"""Ends that are nearer than this to another line, and do not meet it, are worth a look."""
+"""Distance between an end and another line, without contact, below which a finding is reported."""
 ASIDE_M = 20.0
-"""A pole on no line that is nearer than this to one was meant for it."""
+"""Distance from a line below which a pole on no line was probably meant for it."""
 SHORT_M = 5.0
-"""Lines whose spans are shorter than this by half are tracks rather than lines of poles."""
+"""Median span length below which lines are probably tracks rather than lines of poles."""
 MOST_LOOKED_AT = 2000
-"""Of one kind, for the time it takes; there is something wrong with all of the others, too."""
+"""Most findings checked per kind, to limit the time; with more, all the rest are suspect, too."""
 
 
 @dataclass(slots=True)
@@ -59,19 +59,19 @@ class Node:
     height_m: float | None = None
     third_m: float | None = None
     drawn: bool = True
-    """Whether the file has it as a pole."""
+    """Whether it is a pole in the file."""
     hinted: Mapping[str, str] = field(default_factory=dict)
-    """As its pole has it."""
+    """Hinted heights, as in `Pole`."""
 
     @property
     def title(self) -> str:
-        """Its name, or where it is."""
+        """Its name, or its position."""
         return self.name or f"{self.lat_deg:.6f}, {self.lon_deg:.6f}"
 
 
 @dataclass(slots=True)
 class Nodes:
-    """All of them, by name and by place: a grid of cells as wide as what is joined."""
+    """All nodes, by name and by place: a grid whose cells are as wide as the join distance."""
 
     frame: LocalFrame
     snap_m: float
@@ -81,7 +81,7 @@ class Nodes:
     _cells: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def find_nearest(self, at_m: tuple[float, float], within_m: float) -> tuple[int | None, float]:
-        """Return the nearest node, at most as far as what is joined, and how far it is."""
+        """Return the nearest node within the join distance at most, and its distance."""
         row, column = self._cell_of(at_m)
         least_m, found = math.inf, None
         for cell in ((row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
@@ -92,7 +92,7 @@ class Nodes:
         return (found, least_m) if least_m <= within_m else (None, least_m)
 
     def add_poles(self, poles: Iterable[Pole], named: frozenset[str]) -> None:
-        """Add the file's poles; those that spans name stay as they are, of others two at one place are one."""
+        """Add the file's poles; poles named by spans are kept unchanged, others at one place are merged."""
         for pole in poles:
             at_m = self.frame.to_local_m(pole.lat_deg, pole.lon_deg)
             index, away_m = (None, 0.0)
@@ -107,7 +107,7 @@ class Nodes:
         self.name_unnamed(range(len(self.nodes)))
 
     def find_or_add(self, vertex: Vertex, at_m: tuple[float, float]) -> tuple[int, float]:
-        """Return the node of a line's vertex, a new one if none is near, and how far it was."""
+        """Return the node of a line's vertex, a new one if none is near, and its distance."""
         lat_deg, lon_deg, third_m = vertex
         index, away_m = self.find_nearest(at_m, self.snap_m)
         if index is None:
@@ -118,13 +118,13 @@ class Nodes:
         return index, away_m
 
     def add_between(self, at_m: tuple[float, float]) -> int:
-        """Add a place of which the file knows nothing."""
+        """Add a place that is not in the file."""
         lat_deg, lon_deg = self.frame.to_wgs84_deg(*at_m)
         self._add(Node("", lat_deg, lon_deg, at_m, drawn=False))
         return len(self.nodes) - 1
 
     def name_unnamed(self, indices: Iterable[int]) -> None:
-        """Name what has no name yet."""
+        """Name the unnamed nodes."""
         for index in indices:
             number = index + 1
             while not self.nodes[index].name:
@@ -140,13 +140,13 @@ class Nodes:
         self.nodes.append(node)
 
     def _join(self, node: Node, pole: Pole, away_m: float) -> None:
-        """Take a pole for one that is there already; what only one of them knows is kept."""
+        """Merge a pole into an existing one; values known to only one of them are kept."""
         node.hinted = {**{key: by for key, by in pole.hinted.items() if getattr(node, key) is None}, **node.hinted}
         node.elevation_m = pole.elevation_m if node.elevation_m is None else node.elevation_m
         node.height_m = pole.height_m if node.height_m is None else node.height_m
         node.third_m = pole.third_m if node.third_m is None else node.third_m
         if pole.name in {"", node.name} and pole.line:
-            return  # a table has a pole of two lines in the rows of both
+            return  # a table lists a pole of two lines in the rows of both
         if pole.name != node.name:
             text = f"{away_m:.2f} m from {node.name or 'a pole without a name'!r}: taken for the same pole"
             self.found.append(Remark(RemarkTopic.SAME_PLACE, pole.name or pole.place, text))
@@ -172,7 +172,7 @@ class Nodes:
 
 
 def find_nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
-    """Return the nearest of (n, 2, 2) spans to a place and how far away it is; ``but`` are not looked at."""
+    """Return the nearest of (n, 2, 2) spans to a place and its distance, ignoring those in ``but``."""
     distances_m = place_distances_m(ends_m, place_m[np.newaxis])[0]
     distances_m[list(but)] = np.inf
     nearest = int(np.argmin(distances_m))
@@ -181,12 +181,12 @@ def find_nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int
 
 @dataclass(frozen=True, slots=True)
 class MendingLimits:
-    """How far a file may be mended."""
+    """Limits for mending a file."""
 
     snap_m: float = SNAP_M
-    """Ends of lines, and lines and poles, that are nearer to each other than this meet."""
+    """Distance below which ends of lines, and lines and poles, are joined."""
     max_span_m: float | None = None
-    """Where a file has no poles, longer spans are divided."""
+    """Span length above which spans are divided if the file has no poles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,13 +196,13 @@ class UnplacedNetwork:
     pylons: tuple[Pylon, ...]
     segments: tuple[Segment, ...]
     lines: dict[str, str]
-    """The line of each segment, by the segment's label."""
+    """Line name of each segment, by the segment's label."""
     found: tuple[Remark, ...]
 
 
 @dataclass(slots=True)
 class _Spans:
-    """The spans so far, each pair of nodes once."""
+    """The spans found so far, each pair of nodes once."""
 
     nodes: Nodes
     pairs: list[tuple[int, int]] = field(default_factory=list)
@@ -215,7 +215,7 @@ class _Spans:
     def add(self, a: int, b: int, label: str, line: str) -> None:
         self.nodes.name_unnamed((a, b))
         between = f"{self.nodes.nodes[a].name}-{self.nodes.nodes[b].name}"
-        # Two lines may have the same name; a crew must know which of them is meant.
+        # Two lines may have the same name; labels must be unambiguous for the crew.
         label = f"{label} ({between})" if label in self.used_labels else label or between
         self.used_labels.add(label)
         self.known.setdefault(frozenset((a, b)), len(self.pairs))
@@ -225,7 +225,7 @@ class _Spans:
 
 
 def build_unplaced_network(drawing: RawNetwork, mending: MendingLimits) -> UnplacedNetwork:
-    """Return the network that a drawing shows.
+    """Return the network of a drawing.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -253,7 +253,7 @@ def build_unplaced_network(drawing: RawNetwork, mending: MendingLimits) -> Unpla
 
 @dataclass(frozen=True, slots=True)
 class _Chain:
-    """A part of a line as the nodes that it runs over."""
+    """A part of a line as the nodes that it passes."""
 
     line: Line
     nodes: list[int]
@@ -272,7 +272,7 @@ def _check_ends(drawing: RawNetwork) -> None:
 
 
 def _frame_of(drawing: RawNetwork) -> LocalFrame:
-    """Return a plane about the first position, once every position is on the Earth."""
+    """Return a plane about the first position, after checking that every position is on the Earth."""
     first = None
     for place, lat_deg, lon_deg in _iterate_positions(drawing):
         check_degrees(place, lat_deg, lon_deg, "; are latitude and longitude swapped, or is it a grid's?")
@@ -299,7 +299,7 @@ def _build_chains(drawing: RawNetwork, nodes: Nodes, *, has_poles: bool, found: 
             chain: list[int] = []
             for vertex, at_m in zip(part, places_m.tolist(), strict=True):
                 index, away_m = nodes.find_or_add(vertex, (at_m[0], at_m[1]))
-                if not has_poles:  # then every position is one
+                if not has_poles:  # then every position is a pole
                     nodes.name_unnamed((index,))
                 if chain and chain[-1] == index:
                     text = f"two positions at one place ({vertex[0]:.6f}, {vertex[1]:.6f}): taken once"
@@ -316,7 +316,7 @@ def _build_chains(drawing: RawNetwork, nodes: Nodes, *, has_poles: bool, found: 
 
 
 def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
-    """Let lines run over every node that they pass."""
+    """Route lines over every node that they pass."""
     if not chains:
         return []
     beside, split = _find_nodes_beside(chains, nodes), []
@@ -335,7 +335,7 @@ def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark])
 
 
 def _find_nodes_beside(chains: Sequence[_Chain], nodes: Nodes) -> dict[tuple[int, int], list[int]]:
-    """Return the nodes that each leg of some lines passes, in its direction; its own ends are among them."""
+    """Return the nodes that each leg of some lines passes, in its direction, its own ends included."""
     legs = list(dict.fromkeys(pair for chain in chains for pair in itertools.pairwise(chain.nodes)))
     places_m = np.array([node.at_m for node in nodes.nodes], dtype=np.float64)
     begins_m, ends_m = np.moveaxis(places_m[legs], 1, 0)
@@ -359,7 +359,7 @@ def _find_nodes_beside(chains: Sequence[_Chain], nodes: Nodes) -> dict[tuple[int
 
 
 def _remove_straight_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
-    """Keep of the positions without a pole those where a line ends, bends or meets another."""
+    """Keep positions without a pole only where a line ends, bends or meets another."""
     uses = Counter(index for chain in chains for index in set(chain.nodes))
     known_m = np.array([node.at_m for node in nodes.nodes if node.drawn], dtype=np.float64)
     names = [node.name for node in nodes.nodes if node.drawn]
@@ -438,7 +438,7 @@ def _divide_span(a: int, b: int, spans: _Spans, asset: str, max_span_m: float | 
 def _assemble_network(drawing: RawNetwork, nodes: Nodes, spans: _Spans, mending: MendingLimits) -> UnplacedNetwork:
     used = sorted({end for pair in spans.pairs for end in pair})
     new_index = {old: new for new, old in enumerate(used)}
-    # What a file has drawn as spans by their poles' names may have poles beside; they were never on a line.
+    # Files whose spans name their poles may have further poles that were never on a line.
     unused: Sequence[int] = [index for index, node in enumerate(nodes.nodes) if node.drawn and index not in new_index]
     # Hinted heights count only if all poles on lines have them.
     poles = [nodes.nodes[index] for index in used if nodes.nodes[index].drawn]
@@ -465,17 +465,17 @@ def _assemble_network(drawing: RawNetwork, nodes: Nodes, spans: _Spans, mending:
 
 
 def _round_up_m(distance_m: float) -> str:
-    """Return a figure for snap_m that is just more than a distance."""
+    """Return a figure for snap_m just above a distance."""
     return f"{math.ceil(distance_m * 10 + 1e-6) / 10:g}"
 
 
 def _suggest_snap(away_m: float) -> str:
-    """Return how far away something is, and what snap_m takes it for a line's."""
+    """Return a distance, and the snap_m that would join it to a line."""
     return f"is {away_m:.1f} m away, snap_m = {_round_up_m(away_m)} takes it"
 
 
 def _find_oddities(spans: _Spans, unused: Sequence[int], longest_m: float) -> Iterator[Remark]:
-    """Yield what is odd about spans: nothing of it is changed, all of it is said."""
+    """Yield the oddities of spans; they are reported, not changed."""
     if not spans.pairs:
         return
     places_m = np.array([node.at_m for node in spans.nodes.nodes], dtype=np.float64)

@@ -1,6 +1,6 @@
-"""What every reader makes of its file: poles, lines and single spans in WGS 84, before anybody asks what they mean.
+"""Hold what every reader extracts from its file: poles, lines and single spans in WGS 84, not yet interpreted.
 
-And what of a file is wanted: layers, and lines by their attributes.
+Also holds the selection of a file's content: layers, and lines by their attributes.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from missions.readers.attributes import normalise_key
 from missions.readers.values import Attributes, is_blank, measure_of, parse_figure
 
 Vertex = tuple[float, float, float | None]
-"""Latitude and longitude in degrees, and the third coordinate where there is one."""
+"""Latitude and longitude in degrees, and the third coordinate if there is one."""
 
 MOST_VERTICES = 1_000_000
-"""Of all lines together; what holds more is a country's, to be cut to what is flown."""
+"""Most vertices of all lines together; a larger file covers a country and must be cut to the area to be flown."""
 REASONS = 6
-"""How many reasons a message names."""
+"""Most reasons in a message."""
 NAMED = 3
-"""How many of what is left out are named."""
+"""Most left-out features that are named."""
 _PLURAL = re.compile(r"(?= of )|$")
-"""Where a name gets its s: 'lines of a substation'."""
+"""Position of the plural s: 'lines of a substation'."""
 DEGREE_M = 110_500.0
-"""Of latitude; nowhere less."""
+"""Least length of a degree of latitude."""
 OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
     "<=": operator.le, ">=": operator.ge, "!=": operator.ne, "=": operator.eq, "<": operator.lt, ">": operator.gt,
 }  # fmt: skip
 MOST_NAMED = 12
-"""How many attributes or layers an error names."""
+"""Most attributes or layers that an error names."""
 UNITS = ("v", "kv", "mv", "hz", "w", "kw", "mw", "mva", "m", "km", "mm", "cm", "ft", "%", "в", "кв")
-"""What may stand behind a figure, without regard to case; the last two are Cyrillic."""
+"""Valid units after a figure, ignoring case; the last two are Cyrillic."""
 KILOVOLTS = ("kv", "кв")
 MOST_KV = 2000.0
-"""No line has more: a filter that asks for more of kilovolts means volts."""
+"""Greatest line voltage: a filter with more kilovolts means volts."""
 _TERM = re.compile(
     r"""\s*(?:"(?P<quoted>[^"]+)"|(?P<name>[^\s<>=!'"]+))\s*(?P<op><=|>=|!=|==|=|<|>)\s*"""
     r"""(?:'(?P<text>[^']*)'|"(?P<text2>[^"]*)"|(?P<bare>[^\s<>=!'"]+))\s*"""
@@ -49,10 +49,10 @@ _AND = re.compile(r"and\b\s*", re.IGNORECASE)
 
 
 class RemarkTopic(StrEnum):
-    """What a finding is about."""
+    """Topic of a finding."""
 
     WHOLE = "is it whole"
-    """Said before all others: what is read may not be what its people see, or not all of it."""
+    """Listed first: the data read may differ from what the user sees, or be incomplete."""
     FILTER = "the filter"
     SNAPPED = "ends joined"
     SPLIT = "lines split at poles"
@@ -74,15 +74,15 @@ class RemarkTopic(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """One thing of a file that was mended, or left for people to look at."""
+    """A finding: one thing that was mended, or should be checked."""
 
     matter: RemarkTopic
     asset: str
-    """The line's, span's or pole's name."""
+    """Name of the line, span or pole."""
     text: str
-    """What was found of it and what was done."""
+    """What was found and what was done."""
     about: str = ""
-    """The span that there is of it, where that has another name."""
+    """Name of its span, if that differs."""
 
     @property
     def words(self) -> str:
@@ -91,7 +91,7 @@ class Remark:
 
 
 def explain_empty_file(found: Iterable[Remark]) -> str:
-    """Return why nothing remains of a file, to be put behind a message: what was left out, and how often."""
+    """Return the reason why nothing of a file remains, to append to a message: what was left out, and how often."""
     counts = Counter(
         f"left out: {one.text}" if one.matter is RemarkTopic.LEFT_OUT else one.text
         for one in found
@@ -103,26 +103,26 @@ def explain_empty_file(found: Iterable[Remark]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Pole:
-    """One structure as its file has it."""
+    """One structure as in its file."""
 
     place: str
-    """Where it stands in the file, for messages."""
+    """Its location in the file, for messages."""
     name: str
-    """Empty where the file has none."""
+    """Empty if the file has none."""
     lat_deg: float
     lon_deg: float
     elevation_m: float | None = None
     height_m: float | None = None
     third_m: float | None = None
     line: str = ""
-    """What tells it from another line's pole of the same name."""
+    """Distinguishes it from another line's pole of the same name."""
     hinted: Mapping[str, str] = field(default_factory=dict)
-    """Which of its heights count only if all poles have them, and what said them."""
+    """Heights that count only if all poles have them, and the attributes they come from."""
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line as its file has it: of several parts where it is interrupted or branches."""
+    """One line as in its file: in several parts if it is interrupted or branches."""
 
     place: str
     name: str
@@ -131,7 +131,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A span that its file gives by the names of its two poles."""
+    """A span defined in its file by the names of its two poles."""
 
     place: str
     name: str
@@ -142,13 +142,13 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class NearFilter:
-    """What lies about a depot, roughly: all else of a country's file need not be kept."""
+    """The approximate area around a depot: everything else in a country's file is dropped."""
 
     frame: LocalFrame
     within_m: float
 
     def may_reach(self, places: Iterable[tuple[float, float]]) -> bool:
-        """Return whether the box around some places, by latitude and longitude, may reach so near."""
+        """Return whether the bounding box of some places, by latitude and longitude, may overlap the area."""
         lats, lons = [], []
         for lat_deg, lon_deg in places:
             if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180):
@@ -166,36 +166,36 @@ class NearFilter:
 
 @dataclass(slots=True)
 class RawNetwork:
-    """All that was read of a file."""
+    """All data read from a file."""
 
     source: str
     """The file's name, for messages."""
     format: str
     crs: str = "WGS 84"
-    """What its coordinates were, in words."""
+    """Name of the coordinates' reference system."""
     poles: list[Pole] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
     depot: Pole | None = None
-    """Where the file has one."""
+    """Depot, if the file has one."""
     found: list[Remark] = field(default_factory=list)
     flat: bool = False
-    """Whether the file says that its ground is as high as the depot's everywhere."""
+    """Whether the file states that its ground is level with the depot."""
     vertices: int = 0
     others: list[Pole] = field(default_factory=list)
-    """Points that are no poles: a vehicle may stand at a substation."""
+    """Points that are not poles: a vehicle may stand at a substation."""
     left: dict[str, list[str]] = field(default_factory=dict)
-    """What is no line and no pole, by what it is: the names of each."""
+    """Names of features that are neither line nor pole, by type."""
     near: NearFilter | None = None
-    """Lines that reach nowhere near are not kept; None keeps all."""
+    """Area filter: lines outside are dropped; None keeps all."""
     far: tuple[float, float] | None = None
-    """A place of a line that was not kept."""
+    """A place of a dropped line."""
 
     def add_line(self, line: Line) -> None:
         """Add a line, if it is near enough.
 
         Raises:
-            NetworkError: there are too many vertices by now.
+            NetworkError: the limit on vertices is exceeded.
         """
         if self.near is not None and not self.near.may_reach(_places_of(line)):
             self.far = self.far or next(_places_of(line))
@@ -209,12 +209,12 @@ class RawNetwork:
         self.lines.append(line)
 
     def leave_out(self, what: str, asset: str) -> None:
-        """Note something that is no line and no pole."""
+        """Note a feature that is neither line nor pole."""
         self.left.setdefault(what, []).append(asset)
 
     @property
     def remarks(self) -> list[Remark]:
-        """What was found, and in one line what was left out: how many of each kind, and the first of them."""
+        """Return all findings, and in one line what was left out: the number of each type, and the first names."""
         text = ", ".join(
             f"{len(names)} {_PLURAL.sub('s', what, count=1) if len(names) > 1 else what} "
             f"({', '.join(names[:NAMED])}{', ...' if len(names) > NAMED else ''})"
@@ -223,7 +223,7 @@ class RawNetwork:
         return [*self.found, *([Remark(RemarkTopic.LEFT_OUT, self.format, text)] if text else [])]
 
     def keep_near(self) -> None:
-        """Leave out what is far away."""
+        """Drop everything far away."""
         near, self.vertices = self.near, 0
         if near is None:
             return
@@ -254,9 +254,9 @@ class Comparison:
     value: str
 
     def is_met_by(self, value: object) -> bool:
-        """Return whether it holds of a value; of a list such as OpenStreetMap's ``110000;22000``, of any part.
+        """Return whether a value fulfils it; for a list like OpenStreetMap's ``110000;22000``, whether any part does.
 
-        As numbers where both are; by order only numbers are compared. What is not there fulfils nothing.
+        Two numbers are compared as numbers; ordering applies only to numbers. A missing value fulfils nothing.
         """
         compare = any if self.op != "!=" else all
         parts = parts_of(value, by_order=self.is_numeric_only)
@@ -264,11 +264,11 @@ class Comparison:
 
     @property
     def is_numeric_only(self) -> bool:
-        """Whether numbers alone can be compared so."""
+        """Whether it can compare numbers only."""
         return self.op not in {"=", "!="}
 
     def can_compare(self, value: object) -> bool:
-        """Return whether a value that is there can be compared; by order it cannot where no part of it is a number."""
+        """Return whether a value can be compared; ordering needs a numeric part."""
         parts = parts_of(value, by_order=True)
         return not self.is_numeric_only or not any(parts) or any(parse_figure_with_unit(part) for part in parts)
 
@@ -285,7 +285,7 @@ class Comparison:
 
 
 def parts_of(value: object, *, by_order: bool) -> list[str]:
-    """Return the parts of a value: of a list such as ``110000;22000`` each, by order those of ``132/33 kV`` too."""
+    """Return the parts of a value: of a list like ``110000;22000``, and for ordering those of ``132/33 kV`` too."""
     if not isinstance(value, str):
         return [] if value is None else [str(value)]
     parts = [part.strip() for part in value.split(";")]
@@ -301,7 +301,7 @@ def _split_figures(part: str) -> list[str]:
 
 
 def parse_figure_with_unit(text: str) -> tuple[float, str] | None:
-    """Return a number and the unit behind it, in small letters and empty where there is none; None if it is no number.
+    """Return a number and its unit, in lower case and possibly empty; None if it is not a number.
 
     >>> [parse_figure_with_unit(text) for text in ("132 kV", "132 000", "12A")]
     [(132.0, 'kv'), (132000.0, ''), None]
@@ -315,10 +315,10 @@ def parse_figure_with_unit(text: str) -> tuple[float, str] | None:
 
 
 def parse_where(text: str) -> tuple[Comparison, ...]:
-    """Return the comparisons of a filter such as ``voltage >= 110000 and operator = 'CEPS'``.
+    """Return the comparisons of a filter, e.g. ``voltage >= 110000 and operator = 'CEPS'``.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the filter is invalid.
     """
     terms, at = [], 0
     while match := _TERM.match(text, at):
@@ -339,39 +339,39 @@ def parse_where(text: str) -> tuple[Comparison, ...]:
 
 @dataclass(slots=True)
 class ReadOptions:
-    """What a caller wants of a file, and what was seen while it was looked for."""
+    """The caller's selection of a file's content, and observations made while applying it."""
 
     source: str
     """The file's name."""
     layers: tuple[str, ...] = ()
-    """By their names; all that fit if empty."""
+    """Names of the layers to read; if empty all suitable ones."""
     where: tuple[Comparison, ...] = ()
     crs: str | None = None
-    """Of files that do not say theirs."""
+    """Reference system for files without their own."""
     encoding: str | None = None
-    """Of tables in text and of shapefiles' names; None to try."""
+    """Encoding of text tables and of shapefiles' names; None to detect it."""
     near: NearFilter | None = None
-    """What is wanted of a country's file; None: all of it."""
+    """Area filter for a country's file; None: all of it."""
     depot: LocalFrame | None = None
-    """Of who asks, where it is known."""
+    """The caller's depot, if known."""
     anywhere: bool = False
-    """Whether it may be missing."""
+    """Whether the depot may be missing."""
     seen: set[str] = field(default_factory=set)
     passed: int = 0
     looked: int = 0
     uncompared: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """By the attribute and its value, where that is why something is not wanted."""
+    """Values that could not be compared, by attribute and value, where that is why a feature was not selected."""
     nameless: Counter[str] = field(default_factory=Counter)
-    """The same where the attribute is not there, or empty."""
+    """The same for missing or empty attributes."""
     with_unit: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """Figures with a unit behind, by the attribute and one of them."""
+    """Figures with a unit, by attribute, with one example."""
 
     def create_raw_network(self, kind: str, crs: str = "WGS 84", *, flat: bool = False) -> RawNetwork:
-        """Return what a file of some format is drawn into."""
+        """Return an empty network for the content of a format."""
         return RawNetwork(self.source, kind, crs, flat=flat, near=self.near)
 
     def is_wanted(self, attributes: Attributes) -> bool:
-        """Return whether a feature is wanted."""
+        """Return whether a feature is selected."""
         self.looked += 1
         lowered = {key.lower(): value for key, value in attributes.items()}
         if self.where:
@@ -379,7 +379,7 @@ class ReadOptions:
         values = [lowered.get(term.attribute.lower()) for term in self.where]
         wrong = [(term, value) for term, value in zip(self.where, values, strict=True) if not term.is_met_by(value)]
         if all(is_blank(value) or not term.can_compare(value) for term, value in wrong):
-            # Nothing speaks against it but what cannot be read.
+            # The only obstacle is a value that cannot be compared.
             self.nameless.update({term.attribute for term, value in wrong if is_blank(value) and term.is_numeric_only})
             self.uncompared.update((term.attribute, str(value)) for term, value in wrong if not is_blank(value))
         for term, value in zip(self.where, values, strict=True):
@@ -392,22 +392,22 @@ class ReadOptions:
         return True
 
     def has_comparison_of(self, attribute: str) -> bool:
-        """Return whether a comparison is of an attribute, given by its plain name."""
+        """Return whether a comparison refers to an attribute, given by its normalised name."""
         return any(normalise_key(term.attribute) == attribute for term in self.where)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What people must know of a filter: what it could not compare, and how figures with a unit were."""
+        """Return remarks on a filter: values that it could not compare, and how figures with a unit were compared."""
         found = [(name, f"{count} without a value: left out") for name, count in self.nameless.items()]
         found += [(name, words) for name, words in _describe_by_name(self.uncompared, "are no numbers: left out")]
         found += [(name, words) for name, words in _describe_by_name(self.with_unit, "are read as figures with a unit")]
         return tuple(Remark(RemarkTopic.FILTER, name, words) for name, words in found)
 
     def check_where(self) -> None:
-        """Refuse a filter that nothing of the file answers to.
+        """Refuse a filter that matches nothing in the file.
 
         Raises:
-            NetworkError: an attribute that no line has, or nothing fulfils it all.
+            NetworkError: no line has an attribute, or nothing fulfils all of it.
         """
         if not self.where or not self.looked:
             return
@@ -424,10 +424,10 @@ class ReadOptions:
             raise NetworkError(f"where: expected lines of which {words} holds, found none of {self.looked}{why}")
 
     def select_layers(self, known: Sequence[str], kind: str = "layer") -> tuple[str, ...]:
-        """Return the layers that are asked for, of those that there are; all if none is asked for.
+        """Return the requested layers; all if none is requested.
 
         Raises:
-            NetworkError: one is not there.
+            NetworkError: one does not exist.
         """
         for layer in self.layers:
             if layer not in known:
@@ -435,26 +435,26 @@ class ReadOptions:
         return self.layers or tuple(known)
 
     def refuse_layers(self, what: str) -> None:
-        """Refuse layers for a format without them.
+        """Refuse layers for a format without layers.
 
         Raises:
-            NetworkError: one is asked for.
+            NetworkError: one is requested.
         """
         if self.layers:
             raise NetworkError(f"layer: expected none for {what}, which has no layers; got {self.layers[0]!r}")
 
     def refuse_crs(self, what: str) -> None:
-        """Refuse another grid for a format that is WGS 84 always.
+        """Refuse another grid for a format that is always WGS 84.
 
         Raises:
-            NetworkError: one is asked for.
+            NetworkError: one is requested.
         """
         if self.crs is not None:
             raise NetworkError(f"crs: expected none for {what}, which is always WGS 84; got {self.crs!r}")
 
 
 def _describe_by_name(counts: Mapping[tuple[str, str], int], words: str) -> Iterable[tuple[str, str]]:
-    """Yield a line for each attribute: how many values, and one of them."""
+    """Yield a line for each attribute: the number of values, and an example."""
     for name in dict.fromkeys(name for name, _ in counts):
         own = [(value, count) for (one, value), count in counts.items() if one == name]
         yield name, f"{sum(count for _, count in own)} such as {own[0][0][:40]!r} {words}"

@@ -1,9 +1,8 @@
-"""Tables of poles, CSV or XLSX: a row a pole, and a column that says which follows which.
+"""Read tables of poles, CSV or XLSX: one pole per row, and a column that defines their order.
 
-Columns by their names in the first row, without regard to case: ``order`` (or seq, sequence), ``lat`` and ``lon`` in
-WGS 84 or ``easting`` and ``northing`` with ``crs`` given, ``id`` (or name, pole, ...), ``line`` (or circuit) where
-there are several, ``elevation_m`` and ``height_m``. A pole of two lines has a row in each, of the same name and
-place.
+Columns are named in the first row, ignoring case: ``order`` (or seq, sequence), ``lat`` and ``lon`` in WGS 84 or
+``easting`` and ``northing`` with ``crs`` given, ``id`` (or name, pole, ...), ``line`` (or circuit) if there are
+several, ``elevation_m`` and ``height_m``. A pole of two lines has a row in each, with the same name and place.
 """
 
 from __future__ import annotations
@@ -43,12 +42,12 @@ EAST, NORTH = ("easting", "east", "x", "e"), ("northing", "north", "y", "n")
 DELIMITERS = ";\t|,"
 MOST_ROWS = 500_000
 MOST_ABOVE = 30
-"""Rows with a title and the like above those with the names of the columns."""
+"""Most rows, e.g. with a title, above the row of column names."""
 _SAID = re.compile(r"\ufeff?\"?sep=(.)\"?\s*", re.IGNORECASE)
-"""What Excel puts into the first line of a file for itself."""
+"""Excel's separator declaration in the first line of a file."""
 _HIDDEN = re.compile(rb'<row\b[^>]*\bhidden="(?:1|true)"')
 LEFT = {PowerFeature.UNBUILT_POLE, PowerFeature.REMOVED_POLE, PowerFeature.DELETED}
-"""Poles over which the wires of their neighbours go."""
+"""Poles that the wires between their neighbours pass over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +72,12 @@ def is_pole_table(text: str) -> bool:
 
 
 def parse_csv(text: str, choice: ReadOptions, *, remark: str = "") -> RawNetwork:
-    """Return what a table in a text file shows; a comma, semicolon, tab or bar divides it.
+    """Return the content of a table in a text file, separated by comma, semicolon, tab or bar.
 
     Args:
-        text: The file's.
-        choice: What of it is wanted.
-        remark: What is to be said of how its text was read.
+        text: The file's text.
+        choice: The part to read.
+        remark: Remark on the text's encoding.
 
     Raises:
         NetworkError: one line that names the file, the row and what was expected.
@@ -99,7 +98,7 @@ def parse_csv(text: str, choice: ReadOptions, *, remark: str = "") -> RawNetwork
 
 
 def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found: list[Remark]) -> None:
-    """Look at a last line without its end: was the file cut off there?"""
+    """Check whether the file was truncated in its last line."""
     (place, last), others = table[-1], [row for _, row in table[1:-1]]
     if len(last) < len(table[0][1]):
         raise NetworkError(
@@ -113,10 +112,10 @@ def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found
 
 
 def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetwork:
-    """Return what a sheet of a workbook shows: the one that is asked for, or else the only one.
+    """Return the content of a workbook's sheet: the requested one, else the only one.
 
     Raises:
-        NetworkError: as `parse_csv`; or nothing is installed to read it with.
+        NetworkError: as for `parse_csv`; or no library is installed to read it.
     """
     try:
         import openpyxl
@@ -129,7 +128,7 @@ def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetw
     reasons = *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError
     with explaining_errors("content: expected a workbook", *reasons):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and extensions that are not read
+            warnings.simplefilter("ignore")  # on styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
         titles = [sheet.title for sheet in book.worksheets]
         wanted = choice.select_layers(titles, "sheet")
@@ -138,10 +137,10 @@ def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetw
         if len(wanted) != 1:
             raise NetworkError(f"layer: expected one sheet of {quote_names(titles)}, found {len(wanted)}")
         sheet = book[wanted[0]]
-        # A sheet is read row by row and does not say itself how many rows people do not see.
+        # A sheet is read row by row and does not report the number of hidden rows.
         path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
         hidden = len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
-        sheet.reset_dimensions()  # what a sheet says of its own size may be anything
+        sheet.reset_dimensions()  # a sheet's declared size is unreliable
         cells = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
         rows = [(f"sheet {sheet.title!r} row {number}", row) for number, row in cells]
     found: list[Remark] = []
@@ -152,7 +151,7 @@ def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetw
 
 
 def _detect_delimiter(text: str) -> tuple[str, bool]:
-    """Return what divides the cells of a text, and whether one of its first lines has the columns of a table."""
+    """Return the separator of a text, and whether one of its first lines has the columns of a table."""
     lines = re.split("\r\n|\r|\n", text.lstrip("\ufeff"), maxsplit=MOST_ABOVE + 1)[: MOST_ABOVE + 1]
     own = _SAID.fullmatch(lines[0])
     for line in lines:
@@ -170,7 +169,7 @@ def _has_columns(row: Sequence[object]) -> bool:
 def _find_table(
     rows: Sequence[tuple[str, Sequence[object]]], what: str, found: list[Remark]
 ) -> list[tuple[str, Sequence[object]]]:
-    """Return the rows from the names of the columns on, without empty ones; a title above is said.
+    """Return the rows from the column names on, without empty ones; a title above is reported.
 
     Raises:
         NetworkError: there are too many, or none.
@@ -223,12 +222,12 @@ def _build_raw_network(
 def _pair_rows_with_lines(
     rows: Sequence[_Row], drawing: RawNetwork
 ) -> Iterator[tuple[_Row, str, Mapping[str, object]]]:
-    """Yield every row with its line: where a table names one once for a group of rows, that of the row above.
+    """Yield every row with its line: if a table names it once for a group of rows, that of the row above.
 
-    With it comes what a filter goes by: what the group's first row says of the line is true of the others.
+    The mapping holds the attributes for filters: line attributes of the group's first row apply to the others.
 
     Raises:
-        NetworkError: rows above the first name have none, and others have.
+        NetworkError: rows above the first name have none, but others do.
     """
     names = [name_of(row.cells, LINES) for row in rows]
     first, line, went_on = rows[0], "", 0
@@ -247,7 +246,7 @@ def _pair_rows_with_lines(
 
 
 def _mark_of(rows: Sequence[_Row], horizontal: Sequence[Sequence[str]]) -> str | None:
-    """Return the decimal mark that coordinates and heights of a table show; degrees need none."""
+    """Return the decimal mark found in a table's coordinates and heights; degrees need none."""
     keys = (*horizontal, ELEVATION, HEIGHT)
     cells = (find_first_value(row.cells, own) for row in rows for own in keys)
     return values.decimal_mark_of(cell for cell in cells if isinstance(cell, str))
@@ -261,9 +260,9 @@ def _build_member(
     mark: str | None,
     choice: ReadOptions,
 ) -> _Member | None:
-    """Return a pole of a line; None for one that is left out: not built, not there any more, or not wanted.
+    """Return a pole of a line; None if it is left out: not built, removed, or not selected.
 
-    What is said of the line may stand in the first row of its group.
+    Attributes of the line may be in the first row of its group.
     """
     known, attributes = normalise_attributes(flatten_attributes(row.cells)), flatten_attributes(of_line)
     name = name_of(known, POLES) or row.place
@@ -334,7 +333,7 @@ def _add_line(drawing: RawNetwork, line: str, members: list[_Member], system: Wg
         name = name_of(member.row.cells, POLES)
         if member.is_pole and not member.is_buried:
             drawing.poles.append(Pole(member.row.place, name, lat_deg, lon_deg, *heights, line=line))
-    # Between poles of which one is under the ground the wires are not in the air.
+    # Between poles of which one is underground there is no overhead wire.
     runs = itertools.groupby(zip(found, members, strict=True), key=lambda pair: pair[1].is_buried)
     parts = [tuple((*at, None) for at, _ in run) for is_buried, run in runs if not is_buried]
     parts = [part for part in parts if len(part) > 1]

@@ -1,6 +1,6 @@
-"""What cells, attributes and tags say in figures, so that a file means the same in every format.
+"""Parse figures in cells, attributes and tags, the same way for every format.
 
-Decimal commas, thousands, degrees with minutes and seconds, units, and numbers of poles.
+Handles decimal commas, thousands separators, degrees with minutes and seconds, units, and pole numbers.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from missions.files import is_number
 
 Attributes = Mapping[str, object]
-"""Of a feature, by the names that its file has for them."""
+"""Attributes of a feature, by their names in the file."""
 BLANK = {"", "nan", "null", "(null)", "<null>", "none", "n/a", "#n/a", "nil", "not available"}
-"""Texts by which programs say nothing."""
+"""Texts that programs write for an empty value."""
 NO_FIGURE = BLANK | {"-", "--", "?", "na", "unknown"}
 NO_HEIGHT_M = -9999.0
-"""Lower ones stand for heights that are not known: -9999, -32768, -1e38."""
+"""Heights below this mean unknown: -9999, -32768, -1e38."""
 NORTH_SOUTH, EAST_WEST = "NS", "EW"
 METRES: Mapping[str, float] = {
     "": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "mtr": 1.0, "mtrs": 1.0,
@@ -27,7 +27,7 @@ METRES: Mapping[str, float] = {
 FEET = ("ft", "feet", "foot", "'")
 INCH_M = 0.0254
 GRID_UNITS = ("", "m", "e", "n", "me", "mn")
-"""Behind an easting or a northing, which is in the grid's own unit."""
+"""Valid suffixes of an easting or a northing, which is in the grid's own unit."""
 
 _LETTERS = str.maketrans({
     "−": "-", "‐": "-", "‑": "-", "–": "-", "—": "-", "’": "'", "‘": "'", "ʹ": "'", "ʼ": "'", "´": "'", "`": "'",
@@ -50,27 +50,27 @@ _PIECE = re.compile(r"\d+|[^\d\s./\-]+", re.ASCII)
 
 
 def is_blank(value: object) -> bool:
-    """Return whether a value says nothing."""
+    """Return whether a value is empty."""
     if isinstance(value, str):
         return value.strip().lower() in BLANK
     return value is None or (isinstance(value, float) and math.isnan(value))
 
 
 def _normalise_text(text: str) -> str:
-    """Return a text with one kind of spaces, dashes and quotation marks."""
+    """Return a text with normalised spaces, dashes and quotation marks."""
     return " ".join(text.translate(_LETTERS).split())
 
 
 def parse_figure(text: str, mark: str | None = None) -> float | None:
-    """Return what a text says as a number; None where it is none, or may be two.
+    """Return the number in a text; None if it is not a number, or is ambiguous.
 
-    Thousands may be divided by spaces, apostrophes, dots or commas.
+    Thousands separators may be spaces, apostrophes, dots or commas.
 
     Args:
-        text: Such as '543 355,1' or '1,345.5'.
-        mark: The file's decimal mark, where it is known: without it nobody knows how much '1,345' is.
+        text: For example '543 355,1' or '1,345.5'.
+        mark: The file's decimal mark, if known: without it '1,345' is ambiguous.
     """
-    if mark != "," and _PLAIN.fullmatch(text):  # nearly all there are, and a file has many
+    if mark != "," and _PLAIN.fullmatch(text):  # fast path for nearly all figures, as a file has many
         return float(text)
     match = _FIGURE.fullmatch(_normalise_text(text))
     if match is None:
@@ -89,7 +89,7 @@ def parse_figure(text: str, mark: str | None = None) -> float | None:
 
 
 def _find_decimal_mark(digits: str, mark: str | None) -> str | None:
-    """Return what is before a figure's decimals: empty if it has none, None if that may be one or not."""
+    """Return the decimal mark in a figure: empty if it has none, None if ambiguous."""
     marks = [letter for letter in digits if letter in ".,"]
     if len(set(marks)) == 2:
         return marks[-1]
@@ -105,7 +105,7 @@ def _find_decimal_mark(digits: str, mark: str | None) -> str | None:
 
 
 def decimal_mark_of(texts: Iterable[str]) -> str | None:
-    """Return the decimal mark that figures of one file show, where all that show one show the same."""
+    """Return the decimal mark of a file's figures, if all unambiguous ones agree."""
     shown: set[str] = set()
     for text in texts:
         match = _FIGURE.fullmatch(_normalise_text(text))
@@ -122,18 +122,18 @@ def decimal_mark_of(texts: Iterable[str]) -> str | None:
 
 
 def parse_number(value: object) -> float | None:
-    """Return a cell's or a tag's number; None where it says none."""
+    """Return the number in a cell or tag; None if it is not a number."""
     if isinstance(value, str):
         return parse_figure(value)
     return float(value) if is_number(value) else None
 
 
 def degrees_of(value: object, letters: str) -> float | None:
-    """Return a latitude or a longitude; None where it is none.
+    """Return a latitude or a longitude; None if it is neither.
 
     Args:
-        value: A number; or a text such as '49.6', '49,6', '49°35′57.4″N', 'N 49 35.957', '493557N'.
-        letters: Which letters of hemispheres it may have: `NORTH_SOUTH` or `EAST_WEST`.
+        value: A number; or a text, e.g. '49.6', '49,6', '49°35′57.4″N', 'N 49 35.957', '493557N'.
+        letters: Valid hemisphere letters: `NORTH_SOUTH` or `EAST_WEST`.
     """
     if not isinstance(value, str):
         return parse_number(value)
@@ -158,14 +158,14 @@ def _parse_sexagesimal(text: str) -> float | None:
         return None
     parts = [part for part in match.groups() if part is not None]
     figures = [float(part) for part in parts]
-    # Only the last of degrees, minutes and seconds may be broken; rounding makes 60 of 59.99.
+    # Only the last of degrees, minutes and seconds may have decimals; 59.99 may be rounded to 60.
     if any("." in part for part in parts[:-1]) or any(figure > 60 for figure in figures[1:]):
         return None
     return sum(figure / unit for figure, unit in zip(figures, (1.0, 60.0, 3600.0), strict=False))
 
 
 def _parse_packed(text: str) -> float | None:
-    """Return degrees of figures without a mark between them, as aeronautical data has them: 493557.4."""
+    """Return degrees from packed figures without separators, as in aeronautical data: 493557.4."""
     match = _PACKED.fullmatch(text)
     if match is None:
         return None
@@ -175,7 +175,7 @@ def _parse_packed(text: str) -> float | None:
 
 
 def measure_of(text: str, mark: str | None = None) -> tuple[float, str] | None:
-    """Return a figure and its unit in small letters: '132 kV' is 132 and 'kv'; None where it is none."""
+    """Return a figure and its unit in lower case: '132 kV' is 132 and 'kv'; None if it is not a figure."""
     alone = parse_figure(text, mark)
     match = None if alone is not None else _MEASURE.fullmatch(_normalise_text(text))
     figure = parse_figure(match[1], mark) if match else alone
@@ -183,13 +183,13 @@ def measure_of(text: str, mark: str | None = None) -> tuple[float, str] | None:
 
 
 def metres_of(value: object, mark: str | None = None) -> float | None:
-    """Return a length in metres, which is its unit where it says none; None where it is none."""
+    """Return a length in metres, the default unit; None if it is not a length."""
     if not isinstance(value, str):
         return parse_number(value)
     feet = _FEET.fullmatch(_normalise_text(value))
     if feet is not None:
         return float(feet[1]) * METRES["ft"] + float(feet[2]) * INCH_M
-    # Who writes feet divides thousands by a comma.
+    # With feet, the comma is a thousands separator.
     found = measure_of(value, mark) or measure_of(value, ".")
     if found is None or found[1] not in METRES or (measure_of(value, mark) is None and found[1] not in FEET):
         return None
@@ -197,7 +197,7 @@ def metres_of(value: object, mark: str | None = None) -> float | None:
 
 
 def grid_figure_of(value: object, mark: str | None = None) -> float | None:
-    """Return an easting or a northing, as '543 355,1 m E' too; None where it is none."""
+    """Return an easting or a northing, also from '543 355,1 m E'; None if it is neither."""
     if not isinstance(value, str):
         return parse_number(value)
     found = measure_of(value, mark)
@@ -206,7 +206,7 @@ def grid_figure_of(value: object, mark: str | None = None) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class PoleRank:
-    """Where a pole stands in its line, by its number and the letters around that: '12A' is between 12 and 13."""
+    """A pole's position in its line, from its number and the letters around it: '12A' is between 12 and 13."""
 
     text: str
     before: str
@@ -215,7 +215,7 @@ class PoleRank:
 
 
 def parse_pole_rank(value: object) -> PoleRank | None:
-    """Return what a number of a pole says about its place in a line; None where it has no figure in it."""
+    """Return the position in a line given by a pole's number; None if it has no digit."""
     text = str(value).strip()
     figure = parse_number(value) if not (isinstance(value, str) and "e" in value.lower()) else None
     if figure is not None:
@@ -232,10 +232,10 @@ RankKey = tuple[str, float, tuple[tuple[int, float, str], ...]]
 
 
 def build_rank_keys(ranks: Sequence[PoleRank]) -> list[RankKey]:
-    """Return by what the poles of one line are sorted.
+    """Return sort keys for the poles of one line.
 
-    Letters before the number divide a line into parts, B1 after A9; where some poles have none, a letter marks a pole
-    that was put in later: A12 is between 12 and 13, as 12A is.
+    Letters before the number divide a line into parts, B1 after A9; if some poles have none, a letter marks a pole
+    inserted later: A12 is between 12 and 13, as 12A is.
     """
     if all(rank.before for rank in ranks):
         return [(rank.before, rank.number, rank.after) for rank in ranks]

@@ -1,14 +1,14 @@
-"""XML of strangers: KML, KMZ, GPX and OpenStreetMap, always WGS 84. Nothing is expanded, nothing is fetched.
+"""Read untrusted XML: KML, KMZ, GPX and OpenStreetMap, always WGS 84. No entity is expanded, nothing is fetched.
 
-KML: a Point is a pole and a LineString a line, by the Placemark's name. ``elevation_m`` and ``height_m`` are taken from
-ExtendedData. An altitude is one of ground, wire or top, nobody knows: one that is ``absolute`` (above mean sea level)
-is kept with its pole and never flown by; one that is relative to the ground, or clamped to it, is not used, and said.
+KML: a Point is a pole and a LineString a line, named by the Placemark. ``elevation_m`` and ``height_m`` come from
+ExtendedData. Whether an altitude is that of ground, wire or top is unknown: an ``absolute`` one (above mean sea level)
+is kept with its pole and never flown by; one relative to the ground, or clamped to it, is ignored and reported.
 
-GPX, of hand-held receivers: waypoints are poles, routes and tracks are lines.
+GPX, from hand-held receivers: waypoints are poles, routes and tracks are lines.
 
-OpenStreetMap, its XML and the JSON of Overpass: ways with ``power`` line or minor_line are lines, by ``name`` or
-``ref``. Nodes of such ways with ``power`` tower, pole or the like are poles, by ``ref``, else by their number, as
-``n123``. What else has to do with power is left out, and so is what an editor has deleted.
+OpenStreetMap, its XML and the JSON of Overpass: ways with ``power`` line or minor_line are lines, named by ``name`` or
+``ref``. Nodes of these ways with ``power`` tower, pole or similar are poles, named by ``ref``, else by number, as
+``n123``. Other power features are left out, and so is what an editor has deleted.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 100_000_000
 UNDECLARED = "NS_ERR_UNDEFINED_NAMESPACE"
-"""Of a prefix such as xsi: or gx: without its xmlns, as editors leave it; Google Earth and GDAL read over it."""
+"""Error for a prefix, e.g. xsi: or gx:, without its xmlns, as editors write it; Google Earth and GDAL ignore it."""
 _PAGE = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<!--.*?-->\s*)?<(?:!doctype\s+html|html)\b", re.IGNORECASE | re.DOTALL)
 _TITLE = re.compile(rb"<title>(.*?)</title>", re.IGNORECASE | re.DOTALL)
 KML = "KML"
 GEOMETRIES = ("Point", "LineString", "MultiGeometry", "Polygon", "LinearRing", "Track", "MultiTrack", "Model")
 KML_ROOTS = ("kml", "Document", "Folder", "Placemark")
-"""Elements that a file may begin with; programs leave out the outermost."""
+"""Valid root elements; programs omit the outermost."""
 OVERLAYS = ("GroundOverlay", "PhotoOverlay", "Tour")
 CLAMPED = "clampToGround"
 MODES = {
@@ -57,7 +57,7 @@ MODES = {
     "relativeToGround": "above the ground (relativeToGround), of wire or top is not said: not used",
     CLAMPED: "on the ground (clampToGround): not used",
 }
-"""What is said of each altitudeMode."""
+"""Description of each altitudeMode."""
 GPX = "GPX"
 OSM_XML, OVERPASS = "OpenStreetMap XML", "Overpass JSON"
 
@@ -66,7 +66,7 @@ def root_of(content: bytes) -> etree._Element:
     """Return the root of an XML document.
 
     Raises:
-        NetworkError: it is none, too large, or declares a document type, which no format here has and bombs need.
+        NetworkError: it is not XML, is too large, or declares a document type, which no format here has and bombs need.
     """
     from lxml import etree
 
@@ -84,7 +84,7 @@ def root_of(content: bytes) -> etree._Element:
         words = to_printable(getattr(reason, "msg", None) or str(reason)) or "it is empty"
         if "EntityRef: " in words:
             words = "a bare &, which XML writes as &amp;"
-        elif "ntit" in words:  # of an entity that is unknown, or of too many
+        elif "ntit" in words:  # of an unknown entity, or of too many
             words = (
                 f"entities are not expanded ({words})" if words.startswith("Entity '") else "entities are not expanded"
             )
@@ -95,7 +95,7 @@ def root_of(content: bytes) -> etree._Element:
 
 
 def _parse_root(content: bytes) -> etree._Element:
-    """Return the root; prefixes that are not declared are read over."""
+    """Return the root; undeclared prefixes are ignored."""
     from lxml import etree
 
     options = {
@@ -116,23 +116,23 @@ def _parse_root(content: bytes) -> etree._Element:
 
 
 def tag_of(element: etree._Element) -> str:
-    """Return the name of an element without its namespace; empty for what is no element."""
+    """Return the name of an element without its namespace; empty if it is not an element."""
     tag = element.tag
     return tag.rpartition("}")[2] if isinstance(tag, str) else ""
 
 
 def read_child_text(element: etree._Element, tag: str) -> str:
-    """Return the text of the first child of a name, in any namespace; empty if there is none."""
+    """Return the text of the first child with a name, in any namespace; empty if there is none."""
     return to_printable(element.findtext(f"{{*}}{tag}") or "")
 
 
 def line_of(element: etree._Element) -> str:
-    """Return where an element stands in its file."""
+    """Return the line of an element in its file."""
     return f"line {element.sourceline}"
 
 
 def extract_kml(archive: Archive) -> list[etree._Element]:
-    """Return the roots of the documents of a KMZ: doc.kml, which programs show, and then all others.
+    """Return the roots of the documents of a KMZ: doc.kml, which programs display, then all others.
 
     Raises:
         NetworkError: it cannot be read.
@@ -143,7 +143,7 @@ def extract_kml(archive: Archive) -> list[etree._Element]:
 
 
 def links_of(roots: Iterable[etree._Element], inside: Collection[str] = ()) -> Iterator[etree._Element]:
-    """Yield the links to other files, but for those to files of the same archive, which are read anyway."""
+    """Yield the links to other files, except to files of the same archive, which are read anyway."""
     for root in roots:
         for link in root.iter("{*}NetworkLink"):
             hrefs = [unquote((href.text or "").strip()) for href in link.iter("{*}href")]
@@ -152,10 +152,10 @@ def links_of(roots: Iterable[etree._Element], inside: Collection[str] = ()) -> I
 
 
 def parse_kmz(archive: Archive, choice: ReadOptions) -> RawNetwork:
-    """Return what all documents of an archive show.
+    """Return the content of all documents of an archive.
 
     Raises:
-        NetworkError: as `parse_kml`.
+        NetworkError: as for `parse_kml`.
     """
     names = archive.list_by_suffix(".kml")
     drawing = parse_kml(extract_kml(archive), choice, inside=names)
@@ -166,12 +166,12 @@ def parse_kmz(archive: Archive, choice: ReadOptions) -> RawNetwork:
 
 
 def parse_kml(roots: Sequence[etree._Element], choice: ReadOptions, *, inside: Collection[str] = ()) -> RawNetwork:
-    """Return what KML documents show.
+    """Return the content of KML documents.
 
     Args:
-        roots: Of the documents.
-        choice: What of it is wanted.
-        inside: The names of the archive's documents.
+        roots: Roots of the documents.
+        choice: The part to read.
+        inside: Names of the archive's documents.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -195,7 +195,7 @@ def parse_kml(roots: Sequence[etree._Element], choice: ReadOptions, *, inside: C
 def iterate_placemarks(
     roots: Iterable[etree._Element], choice: ReadOptions
 ) -> Iterator[tuple[etree._Element, Feature]]:
-    """Yield every Placemark of the folders that are wanted, and what it says of itself, without its geometry."""
+    """Yield every Placemark of the selected folders, and its attributes, without its geometry."""
     marks = list(_find_placemarks(roots, ""))
     wanted = choice.select_layers(list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
@@ -207,7 +207,7 @@ def iterate_placemarks(
 
 
 def _find_placemarks(elements: Iterable[etree._Element], folder: str) -> Iterator[tuple[etree._Element, str]]:
-    """Yield every Placemark with its folder's name; the document's own name is none."""
+    """Yield every Placemark with its folder's name; the document's own name does not count."""
     for child in elements:
         tag = tag_of(child)
         if tag == "Placemark":
@@ -217,7 +217,7 @@ def _find_placemarks(elements: Iterable[etree._Element], folder: str) -> Iterato
 
 
 def _read_placemark(mark: etree._Element, said: Feature, modes: Counter[str]) -> Iterator[Feature]:
-    """Yield what a Placemark has: its points, its lines, and what is neither."""
+    """Yield a Placemark's points, its lines, and its other geometries."""
     place, parts = said.place, dict[str, list[list[Position]]](Point=[], LineString=[])
     geometries = list(geometries_of(mark))
     for geometry in geometries:
@@ -236,7 +236,7 @@ def _read_placemark(mark: etree._Element, said: Feature, modes: Counter[str]) ->
 
 
 def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
-    """Yield the geometries of a Placemark, one by one."""
+    """Yield the geometries of a Placemark one at a time."""
     for child in element.iterchildren(*(f"{{*}}{tag}" for tag in GEOMETRIES)):
         if tag_of(child) == "MultiGeometry":
             yield from geometries_of(child)
@@ -254,10 +254,10 @@ def _read_extended_data(mark: etree._Element) -> dict[str, object]:
 
 
 def positions_of(geometry: etree._Element, place: str, modes: Counter[str]) -> list[Position]:
-    """Return the positions of a geometry, and count the modes of those with an altitude.
+    """Return the positions of a geometry, and count the altitude modes.
 
     Raises:
-        NetworkError: there is none, or one is no place.
+        NetworkError: there is none, or one is invalid.
     """
     mode = read_child_text(geometry, "altitudeMode") or CLAMPED
     words = (geometry.findtext("{*}coordinates") or "").split()
@@ -277,9 +277,9 @@ def positions_of(geometry: etree._Element, place: str, modes: Counter[str]) -> l
 
 
 def parse_gpx(root: etree._Element, choice: ReadOptions) -> RawNetwork:
-    """Return what a GPX document shows.
+    """Return the content of a GPX document.
 
-    Points of a route that have a name are poles, too.
+    Named points of a route are poles, too.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -323,7 +323,7 @@ def _add_pole(drawing: RawNetwork, point: etree._Element, line: str) -> None:
 
 
 def _read_attributes(element: etree._Element) -> dict[str, object]:
-    """Return what is said of a point or a line, in its own words and in those of the program that wrote it."""
+    """Return the attributes of a point or a line, standard ones and extensions of the program that wrote it."""
     own = {key: read_child_text(element, key) for key in ("name", "type", "desc")}
     extensions = (
         leaf for more in element.iterchildren("{*}extensions") for leaf in more.iterdescendants("*") if not len(leaf)
@@ -345,20 +345,20 @@ def _read_position(lat: object, lon: object, place: str, third_m: float | None =
 
 @dataclass(slots=True)
 class _Content:
-    """Nodes and ways, by their numbers."""
+    """Nodes and ways, by number."""
 
     positions: dict[str, Position] = field(default_factory=dict)
-    """Of nodes."""
+    """Positions of nodes."""
     tags: dict[str, Mapping[str, str]] = field(default_factory=dict)
-    """Of nodes that have some."""
+    """Tags of nodes that have any."""
     ways: dict[str, tuple[tuple[str, ...], Mapping[str, str]]] = field(default_factory=dict)
     deleted: int = 0
     remarks: list[str] = field(default_factory=list)
-    """What the server says of its answer."""
+    """Remarks of the server on its answer."""
 
 
 def parse_osm_xml(root: etree._Element, choice: ReadOptions) -> RawNetwork:
-    """Return what an OpenStreetMap file shows.
+    """Return the content of an OpenStreetMap file.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -373,7 +373,7 @@ def parse_osm_xml(root: etree._Element, choice: ReadOptions) -> RawNetwork:
 
 
 def parse_overpass(document: Mapping[str, object], choice: ReadOptions) -> RawNetwork:
-    """Return what an answer of Overpass shows: of ``out body`` with the nodes, or of ``out geom``.
+    """Return the content of an answer of Overpass: of ``out body`` with the nodes, or of ``out geom``.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -393,7 +393,7 @@ def _add_element(content: _Content, element: object, place: str) -> None:
     tags = {str(key): to_printable(str(value)) for key, value in element.get("tags", {}).items()}
     kind, number_ = element.get("type"), str(element.get("id"))
     if element.get("visible") in (False, "false") or element.get("action") == "delete":
-        content.deleted += kind in {NODE, WAY}  # of an editor that has not uploaded yet, or of a history
+        content.deleted += kind in {NODE, WAY}  # from an editor before its upload, or from a history
     elif kind == NODE:
         content.positions[number_] = _read_position(element.get("lat"), element.get("lon"), place)
         content.tags[number_] = tags
@@ -402,7 +402,7 @@ def _add_element(content: _Content, element: object, place: str) -> None:
 
 
 def _read_references(way: Mapping[str, object], number_: str, content: _Content, place: str) -> tuple[str, ...]:
-    """Return the nodes of a way; those that only its geometry has are added."""
+    """Return the nodes of a way; those present only in its geometry are added."""
     geometry, references = way.get("geometry"), way.get("nodes")
     if geometry is not None and not isinstance(geometry, list):
         raise NetworkError(f"{place}.geometry: expected a list of places, got {geometry!r}")
@@ -455,10 +455,10 @@ def _build_osm_network(content: _Content, what: str, choice: ReadOptions) -> Raw
 
 
 def _check_server_remarks(remarks: Iterable[str], source: str) -> Iterator[Remark]:
-    """Yield what a server says of its answer.
+    """Yield the remarks of a server on its answer.
 
     Raises:
-        NetworkError: it gave up.
+        NetworkError: the query failed.
     """
     for remark in remarks:
         if "error" in remark.lower() or "timed out" in remark.lower():
@@ -472,7 +472,7 @@ def _check_server_remarks(remarks: Iterable[str], source: str) -> Iterator[Remar
 def _split_into_runs(
     references: Iterable[str], content: _Content, name: str, found: list[Remark]
 ) -> list[tuple[str, ...]]:
-    """Return the runs of nodes that the file has: a cut of a map leaves some out."""
+    """Return the runs of nodes present in the file: an extract of a map omits some."""
     runs: list[list[str]] = [[]]
     missing = 0
     for reference in references:
