@@ -217,7 +217,7 @@ class CriticalLoss:
 
     vehicle: int
     from_s: float
-    """Begin of the interval, included."""
+    """Start of the interval, included."""
     to_s: float
     """End of the interval, excluded."""
 

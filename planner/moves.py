@@ -261,7 +261,7 @@ class MoveGeometry(Moves):
     """Moves between places, computed on demand."""
 
     first_m: FloatArray
-    """(2n, 2) float64: begin of each visit, local east and north in metres."""
+    """(2n, 2) float64: start of each visit, local east and north in metres."""
     last_m: FloatArray
     """(2n, 2) float64: end of each visit."""
     travels: tuple[Travel, ...]
@@ -295,7 +295,7 @@ def compute_moves(
     Args:
         places_m: Start of each move.
         headings_m: Direction in which the vehicle arrived there.
-        first_m: Begin of each visit.
+        first_m: Start of each visit.
         last_m: End of each visit.
         travel: Speeds and rates.
     """

@@ -68,7 +68,7 @@ class AnnealingParams(_Part):
     cold: Above0 = 0.01
     """End temperature of a cycle, in mean transits. A colder one accepts no worse plan at the end."""
     prize_weight: Above0 = 2.0
-    """Search cost of leaving a segment out, in routes that visit only this segment."""
+    """Cost of leaving a segment out in the search, in energies of a route through this segment only."""
     slack: Share = 0.1
     """Amount by which a soft annealing may temporarily exceed budgets, as a share of them; no result does."""
     excess_weight: From0 = 1.0

@@ -249,7 +249,7 @@ class OnboardPlan:
 
     plan: Plan
     short: tuple[int, ...]
-    """Vehicles whose budgets do not cover their whole route: it is cut after the last visit that they cover."""
+    """Vehicles whose budgets do not cover their whole route: it ends after the last visit that fits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Estimate the probability that everything is inspected: many flights of a plan with random losses, with re-plans.
+"""Estimate the probability that everything is inspected from many flights with random losses, re-planned or not.
 
 The model. A vehicle in the air is lost after an exponentially distributed time with the mean time between failures; on
 the ground it cannot fail, and if it flies again its flight hours continue. A vehicle's true consumption is its planned
@@ -11,7 +11,7 @@ whatever a lost vehicle has not finished stays open, then and later. Re-plans us
 one: the reserve covers the difference, so whether a loss can be repaired depends only on the lost vehicle and the
 interval between the ends of visits. All flights with the same vehicle and interval share one re-plan.
 
-The state of a fleet after any number of losses: which vehicles still fly, their visits, start times and remaining
+A fleet's state after any number of losses holds the vehicles that still fly, their visits, start times and remaining
 energy. ``build_remaining_problem`` handles one loss of a plan in which all routes begin at once. Here the plan after a
 loss becomes a state that can lose another vehicle: all times are counted from the launch of the first plan.
 """
@@ -337,7 +337,7 @@ def _crossing_times_s(level: FloatArray, column: FloatArray, time_s: FloatArray)
 def _group_equal_losses(
     state: FleetAfterLosses, culprit: IntArray, at_s: FloatArray, lost_s: FloatArray
 ) -> Iterator[tuple[IntArray, int, float, tuple[int, ...]]]:
-    """Yield flights that share a re-plan: their rows, the lost vehicle, the interval's begin, vehicles lost before."""
+    """Yield flights that share a re-plan: their rows, the lost vehicle, the interval's start, vehicles lost before."""
     events = np.array(event_times_s(state.instance, state.plan))
     interval = np.searchsorted(events, at_s + SAME_TIME_S, side="right") - 1
     gone = lost_s < at_s[:, np.newaxis]

@@ -32,7 +32,7 @@ from planner.window import merge_times, replan_window
 
 @dataclass(frozen=True, slots=True)
 class FoundPlan:
-    """A plan and the begin of its window, as far as evaluated."""
+    """A plan and the start of its window, as far as evaluated."""
 
     routes: tuple[tuple[int, ...], ...]
     earliest_s: float
@@ -107,7 +107,7 @@ class RobustSearch(Search):
         self._others = 0
         self._walkers: list[Walker] = []
         self.earliest_s = math.inf
-        """The earliest window begin so far."""
+        """The earliest window start so far."""
         self._looker = self._build_walker(seed, FoundPlan((), math.inf))
         self.archive: list[FoundPlan] = []
         """All complete plans evaluated, and those that were the best when a walk found them."""
@@ -278,7 +278,7 @@ class RobustSearch(Search):
             walk_at.repairs.known[:] = 0
 
     def _find_window_begin(self, walker: Walker) -> tuple[float, float]:
-        """Return the begin of a plan's window and of the interval that breaks it, -1 if none does."""
+        """Return the start of a plan's window and of the interval that breaks it, -1 if none does."""
         base, clock = walker.here.base, walker.here.clock
         visits_end_s = [clock.ends_s[route, :length] for route, length in enumerate(base.lengths)]
         events_s = np.array(merge_times(np.concatenate([clock.durations_s, *visits_end_s]), self._instance.answer_s))

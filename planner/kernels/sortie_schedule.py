@@ -51,7 +51,7 @@ class SortieProblem(NamedTuple):
     packs: Ints
     """(d,): -1 if packs are unlimited."""
     days: Table
-    """(t, 3): begin, end, total seconds of the days before."""
+    """(t, 3): start, end, total seconds of the days before."""
     windows: Quad
     """(k, t, w, 2): flight windows of a vehicle per day; empty ones end before they begin."""
     near: IntTable

@@ -186,7 +186,7 @@ def move_visits(state: SortieState, row: int, begin: int, end: int, other: int, 
 def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
     """Split the first or last part of a sortie into a new one of any vehicle; return whether it may fly it.
 
-    Segments that move one at a time would never leave: the first one would pay for the whole flight there and back.
+    Segments that move one at a time would never leave: the first one would pay for the whole flight there.
     """
     giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
     if state.counts[giver] == 0:

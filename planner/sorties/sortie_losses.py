@@ -177,7 +177,7 @@ def _build_bases(
 
 @dataclass(frozen=True, slots=True)
 class LossWindow:
-    """The time from which a vehicle may be permanently lost and the others still inspect everything in time."""
+    """The time from which a vehicle may be permanently lost with everything inspected by the end of the last day."""
 
     vehicle: str
     from_s: float
@@ -196,7 +196,7 @@ def find_loss_windows(
     """Return each vehicle's window over the days.
 
     A loss is known at once. A later notice is never better for the others, so of all loss times in a sortie the last
-    one, just before landing, decides. A re-plan that was found proves that one exists; if none was found, none may
+    one, just before landing, decides. A re-plan that was found proves that one exists; if none was found, one may
     still exist.
     """
     # Imported here because it loads the kernels.

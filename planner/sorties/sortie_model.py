@@ -19,7 +19,7 @@ from planner.model import Plan, Route
 from planner.moves import FloatArray, Moves
 
 Window = tuple[float, float]
-"""Begin and end of a time window."""
+"""Start and end of a time window."""
 
 
 class Objective(Enum):
