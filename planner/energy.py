@@ -56,8 +56,7 @@ class Drone:
     area_m2: float
     """Area projected from above."""
     efficiency: float = 0.4065
-    """Efficiency of propeller times motor. The paper's 0.6 * 0.75 gives 11 % too little power for its own printed
-    example."""
+    """Propeller times motor. The paper's 0.6 * 0.75 gives 11 % too little power for its own printed example."""
     cell_voltage_v: float = 3.7
 
     def __post_init__(self) -> None:

@@ -207,8 +207,7 @@ class Result:
     impossible: str | None = None
     """Proven reason why no plan can cover everything; None if not proven."""
     bound: float | None = None
-    """Proven lower bound on the cost of any plan with the same covered value and number of flying vehicles, if
-    known."""
+    """Proven lower bound on the cost of plans with the same covered value and number of flying vehicles, if any."""
 
 
 @dataclass(frozen=True, slots=True)

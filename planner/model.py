@@ -85,8 +85,7 @@ class Instance:
     idle_pct: FloatArray
     """(k,) float64."""
     depot_s: FloatArray
-    """(k, 2n) float64: seconds from the ground to the end of visit j: for vehicle k's next flight after it has
-    landed."""
+    """(k, 2n) float64: seconds from the ground to the end of visit j, for vehicle k's next flight after a landing."""
     depot_pct: FloatArray
     """(k, 2n) float64: energy of the same moves for a consumption of 1."""
     value: FloatArray
@@ -96,8 +95,7 @@ class Instance:
     landing_m: tuple[float, float]
     """End of every route, local east and north in metres."""
     answer_s: float = 0.0
-    """Seconds for which all vehicles continue as planned after a loss, until it is detected and a re-plan computed and
-    uploaded."""
+    """Seconds that all vehicles continue after a loss until it is detected and a re-plan is computed and uploaded."""
     locked: Mapping[int, int] = field(default_factory=dict)
     """Segments locked to one vehicle, with its number: they cost every other vehicle BARRED_PCT more."""
 

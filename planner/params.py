@@ -88,8 +88,7 @@ class LargeParams(_Part):
     """Maximum number of segments for a search over all routes at once; above that no table of all moves is made. More
     need memory as their square."""
     region: Count = 300
-    """Approximate number of segments in a region; it has at least two routes. Larger ones find better plans, but
-    later."""
+    """Approximate number of segments in a region of at least two routes. Larger ones find better plans, later."""
     region_routes: Annotated[Count, Field(ge=2)] = 24
     """Maximum number of routes in a region."""
     spell: Count = 4_000
@@ -103,8 +102,7 @@ class ExactParams(_Part):
     """The proof of the best plan."""
 
     search_iterations: CountFrom0 = 3_000
-    """Iterations of the search for the plan that gives the upper bound on the cost. A better plan leaves fewer
-    columns."""
+    """Iterations of the search for the plan that bounds the cost from above. A better plan leaves fewer columns."""
 
 
 @dataclass(frozen=True, slots=True, config=CHECKED)

@@ -434,8 +434,7 @@ class FleetAfterLosses:
     """The remaining vehicles, and their routes through all segments that they have to inspect."""
 
     instance: Instance
-    """Instance of these vehicles and the segments of their current routes; ``start_s`` counts from the fleet's
-    launch."""
+    """Instance of these vehicles and the segments of their current routes; ``start_s`` counts from fleet launch."""
     plan: Plan
     """Plan for that instance: each vehicle's route since its last take-off, completed visits included."""
     fleet: tuple[int, ...]

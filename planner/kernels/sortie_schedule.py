@@ -104,8 +104,7 @@ class SortieState(NamedTuple):
     ends: Annotated[Floats, "k"]
     """Last landing of each vehicle, in day time only."""
     sums: Annotated[Floats, "5"]
-    """Segments that do not fit into any day, last landing, flight time, number of sorties, and the guide of the
-    search."""
+    """Segments that do not fit into any day, last landing, flight time, number of sorties, guide of the search."""
 
 
 class SortieWorkspace(NamedTuple):

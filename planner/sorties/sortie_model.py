@@ -45,8 +45,7 @@ class SortieBase:
     recharge_s: float | None = None
     """Seconds from a landing here until the pack can fly again; None if packs are only charged overnight."""
     charged_s: tuple[float, ...] | None = None
-    """Charge completion time of each pack on the first day, once it has begun; None if all ``packs`` are charged
-    then."""
+    """When each pack is charged on the first day, once that day has begun; None if all ``packs`` are at its start."""
     taken_off_s: float = -math.inf
     """Time of the last take-off here."""
 
