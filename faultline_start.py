@@ -1,7 +1,7 @@
-"""Where the program and the library start: they see first that the packages that they are made of are their own.
+"""Entry points of the program and the library: check first that the packages they import are faultline's own.
 
-The index has other projects' packages of these names. Installed beside faultline they lie over its files, and nothing
-says so; none of them is loaded here before it is known whose it is.
+PyPI has other projects' packages with these names. Installed next to faultline they overwrite its files without a
+warning, so no package is imported before its origin is known.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from pathlib import Path
 
 PACKAGES = ("executor", "missions", "planner", "simulator")
 MARK = "# Part of faultline."
-"""The first line of each package."""
+"""First line of each of faultline's packages."""
 BAD_INPUT = 2
 
 
 def main() -> None:
-    """Run the command line, or say in one line which package is not ours."""
+    """Run the command line, or print one line that names the foreign package."""
     if wrong := find_stranger():
         print(f"faultline: {wrong}", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
@@ -28,12 +28,12 @@ def main() -> None:
 
 
 def find_stranger() -> str:
-    """Return in words which package is not ours; empty if all are."""
+    """Return a message that names a foreign package; empty if there is none."""
     return next(filter(None, map(stranger, PACKAGES)), "")
 
 
 def stranger(name: str) -> str:
-    """Return in words that a package is missing or another project's; empty if it is ours. It is not loaded."""
+    """Return a message if a package is missing or foreign; empty if it is ours. The package is not imported."""
     found = find_spec(name)
     place = "none" if found is None else found.origin or "a folder without its __init__.py"
     if found is not None and _read_source(found).startswith(MARK):
@@ -45,7 +45,7 @@ def stranger(name: str) -> str:
 
 
 def _read_source(found: ModuleSpec) -> str:
-    """Return a package's source. Not every loader has it: pytest's, of a package with a plugin, has not."""
+    """Return a package's source. Some loaders do not provide it, such as pytest's for a package with a plugin."""
     source = getattr(found.loader, "get_source", None)
     if source is not None:
         return source(found.name) or ""

@@ -1,7 +1,7 @@
 # Part of faultline.
-"""Plan a fleet's inspection, ask how early a vehicle may be lost, re-plan a loss, check a plan, read a flown run.
+"""Plan a fleet's inspection, compute how early a vehicle may be lost, re-plan a loss, check a plan, read a flown run.
 
-What stands in ``faultline.__all__`` is stable: it changes its meaning only with the major version. The packages below
+The names in ``faultline.__all__`` are stable: they change their meaning only with the major version. The packages below
 (planner, missions, executor) may change with any version.
 """
 
@@ -51,18 +51,18 @@ __all__ = [
 ]  # fmt: skip
 
 ERRORS = (ExecutorError, MissionsError, PlannerError)
-"""What bad input raises, to be caught together; the text is one line."""
+"""Exceptions that bad input raises, to catch together; the text is one line."""
 
 
 def build_site(
     network: Path | str | None = None, *, vehicles: int = 3, radius_m: float = USUAL_RADIUS_M, autopilot: str = "px4"
 ) -> dict[str, Any]:
-    """Return the tables of a site that is planned for and not flown; change them as you like before `plan`.
+    """Build the tables of a site for planning only, not for flight; edit them freely before `plan`.
 
     Args:
         network: The power line: GeoJSON or a graph file, by default faultline's own network.
-        vehicles: How many, named uav1, uav2 and so on.
-        radius_m: Only segments whose pylons are both nearer to the depot than this.
+        vehicles: Number of vehicles, named uav1, uav2 and so on.
+        radius_m: Use only segments with both pylons nearer to the depot than this.
         autopilot: `px4` or `ardupilot`: how the vehicles take corners and climb.
     """
     return build_demo_site(
@@ -79,14 +79,14 @@ def plan(
 
     Args:
         site: A site file, or its tables; paths in tables are relative to the working directory.
-        cost: What is optimised; by default the re-plan window, or MinMax where it takes too long.
-        seconds: How long is searched at most.
-        seed: Of all randomness.
-        iterations: Of each search; with as many `starts` every computer then finds the same plan.
-        starts: Searches side by side, 0 for one per processor.
+        cost: The cost function; by default the re-plan window, or MinMax if the window takes too long.
+        seconds: Maximum search time.
+        seed: Seed of all randomness.
+        iterations: Iterations of each search; with the same number and `starts` every computer finds the same plan.
+        starts: Parallel searches, 0 for one per processor.
 
     Raises:
-        ERRORS: The site cannot be used: one line that names the file, the key and what was expected.
+        ERRORS: The site cannot be used: one line with the file, the key and the expected value.
     """
     if isinstance(site, Mapping):
         tables, base = check_site(dict(site), "site"), Path()
@@ -99,19 +99,19 @@ def plan(
 
 
 def check(plan: PlanFile) -> list[str]:
-    """Recompute every figure of a plan from its own network; return the wrong ones in words, none if all is well.
+    """Recompute every figure of a plan from its own network; describe the wrong ones in words, none if all are right.
 
     Raises:
-        ERRORS: Its vehicles or coordinates make no planning problem at all.
+        ERRORS: Its vehicles or coordinates do not form a planning problem.
     """
     return check_plan(plan)
 
 
 def window(plan: PlanFile, *, seed: int = 0) -> ReplanWindow:
-    """Compute from when on the fleet can absorb the loss of any one vehicle of a plan.
+    """Compute the time from which the fleet can absorb the loss of any one vehicle of a plan.
 
     Raises:
-        ERRORS: The plan has one vehicle only.
+        ERRORS: The plan has only one vehicle.
     """
     return replan_window(plan.build_instance(), plan.plan, seed=seed, fly_again=plan.fly_again)
 
@@ -119,41 +119,41 @@ def window(plan: PlanFile, *, seed: int = 0) -> ReplanWindow:
 def replan(
     plan: PlanFile, lost: str, at_s: float, *, cost: Cost = Cost.MINMAX, seconds: float = 2.0, seed: int = 1
 ) -> tuple[PlanFile, bool]:
-    """Re-plan what is open once a vehicle is lost; return the plan, and whether it inspects everything within budget.
+    """Re-plan the open segments after a loss; return the plan, and whether it inspects everything within budget.
 
     Args:
-        plan: As it is flown until then.
-        lost: Name of the vehicle.
-        at_s: When it is lost, in seconds from the start of the plan.
-        cost: What is optimised.
-        seconds: How long is searched at most.
-        seed: Of all randomness.
+        plan: The plan as flown until the loss.
+        lost: Name of the lost vehicle.
+        at_s: Time of the loss, in seconds from the start of the plan.
+        cost: The cost function.
+        seconds: Maximum search time.
+        seed: Seed of all randomness.
 
     Raises:
-        ERRORS: The plan has no such vehicle, or nobody is left.
+        ERRORS: The plan has no such vehicle, or no vehicle is left.
     """
     return preview_loss(plan, lost, at_s, cost=cost, seconds=seconds, seed=seed)
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A flight that is over, as its run directory tells."""
+    """A finished flight, as recorded in its run directory."""
 
     path: Path
     """The run directory."""
     report: FlightReport
-    """What the flight came to: report.json as a model."""
+    """Results of the flight: report.json as a model."""
     record: FlightRecord
-    """Tracks, batteries, segments, plans and decisions; times in seconds since the launch."""
+    """Tracks, batteries, segments, plans and decisions; times in seconds since launch."""
     plans: tuple[PlanFile, ...]
-    """The first plan, then one for each re-plan."""
+    """The first plan, then one per re-plan."""
 
 
 def read_run(path: Path | str) -> Run:
-    """Read the run directory of a flight that is over.
+    """Read the run directory of a finished flight.
 
     Raises:
-        ERRORS: There is no report yet, or a file cannot be used: one line that names the file.
+        ERRORS: There is no report yet, or a file cannot be used: one line with the name of the file.
     """
     run = RunDirectory(Path(path))
     report = FlightReport.read(run.report)

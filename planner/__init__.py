@@ -1,5 +1,5 @@
 # Part of faultline.
-"""Plans routes for a fleet within its budgets, and re-plans them when a vehicle is lost.
+"""Plan routes for a fleet within its budgets, and re-plan them when a vehicle is lost.
 
     >>> instance = build_instance(ends_m, landing_m, vehicles, travel)            # doctest: +SKIP
     >>> result = solve(instance, cost=Cost.MINCOMB, stop=Seconds(5))              # doctest: +SKIP

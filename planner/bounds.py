@@ -1,4 +1,4 @@
-"""Necessary conditions: when it is certain that a fleet cannot inspect everything within its budgets."""
+"""Necessary conditions: prove that a fleet cannot inspect everything within its budgets."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from planner.moves import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 MATRIX_UP_TO = 1_500
-"""Segments up to which bounds may look at all moves: beyond, memory would grow with the square."""
+"""Maximum number of segments for bounds over all moves: memory grows with the square."""
 ASCENT = 300
 """Iterations of the ascent to a spanning-tree bound."""
 
 
 def explain_infeasibility(instance: Instance, *, ascent: int = 1) -> str | None:
-    """Return why no plan covers everything within the budgets, or None where these conditions do not tell.
+    """Return why no plan covers everything within the budgets, or None if these conditions do not decide.
 
-    Each vehicle must get home, each segment must be within some vehicle's reach, and the energy that all vehicles
-    together have must not be less than a spanning-tree bound on what any plan needs; a vehicle that can inspect nothing
-    adds nothing to it.
+    Each vehicle must be able to return, each segment must be within some vehicle's reach, and the total energy of all
+    vehicles must not be less than a spanning-tree bound on what any plan needs; a vehicle that can inspect nothing adds
+    nothing to the total.
 
     Args:
         instance: the problem.
-        ascent: iterations to that bound; with ``ASCENT`` it is good, and takes some milliseconds for 50 segments.
+        ascent: iterations of that bound; with ``ASCENT`` it is good, and takes some milliseconds for 50 segments.
     """
     if instance.segments == 0:
         return None
@@ -33,7 +33,7 @@ def explain_infeasibility(instance: Instance, *, ascent: int = 1) -> str | None:
     budget = np.array([vehicle.budget_pct for vehicle in instance.vehicles]) + BUDGET_TOLERANCE_PCT
     start = instance.start_pct.reshape(fleet, -1, 2)
     home = instance.home_pct.reshape(fleet, -1, 2)
-    # The first visit of any route takes its start, the last its home; the two need not be the same visit.
+    # Any route includes the start of its first visit and the return of its last; they need not be the same visit.
     shortest = start.min(axis=(1, 2)) + home.min(axis=(1, 2))
     useful = shortest <= budget
     for vehicle, stranded in zip(instance.vehicles, np.minimum(instance.idle_pct, shortest) > budget, strict=True):
@@ -43,13 +43,13 @@ def explain_infeasibility(instance: Instance, *, ascent: int = 1) -> str | None:
         return None
     reach = (start + home).min(axis=2) <= budget[:, np.newaxis]
     if not reach.any(axis=0).all():
-        # With dynamics a way over other visits may be cheaper than the straight one: it rides no extra turns.
+        # With dynamics a route over other visits may be cheaper than the direct one: it avoids extra turns.
         reach = (_least_route_pct(instance) <= budget[:, np.newaxis]).reshape(fleet, -1)
     lost = np.flatnonzero(~reach.any(axis=0))
     if len(lost) > 0:
         return f"segment {int(lost[0])} is out of every vehicle's reach"
     if instance.segments > TABLES_UP_TO:
-        return None  # the least total takes a table of all moves
+        return None  # this bound needs a table of all moves
     available = float(budget[useful].sum())
     needed = compute_tree_bound_pct(
         instance, useful, starts=instance.start_pct[useful], homes=instance.home_pct[useful],
@@ -74,7 +74,7 @@ def _least_route_pct(instance: Instance) -> FloatArray:
 
 
 def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
-    """Return (2n,) float64, the energy of the shortest ways to all visits (Bellman and Ford)."""
+    """Return (2n,) float64, the energy of the shortest paths to all visits (Bellman and Ford)."""
     shortest = direct
     while True:
         shorter: FloatArray = np.minimum(shortest, (shortest[:, np.newaxis] + moves).min(axis=0))
@@ -87,19 +87,19 @@ def compute_tree_bound_pct(
     instance: Instance, useful: BoolArray, *, starts: FloatArray, homes: FloatArray, idle: FloatArray, enough: float,
     once: int | None = None, ascent: int = ASCENT,
 ) -> float:  # fmt: skip
-    """Return the spanning-tree bound for the ``useful`` vehicles; their rows are given, each over all visits.
+    """Return the spanning-tree bound for the ``useful`` vehicles; their rows cover all visits.
 
     Args:
         instance: the problem.
-        useful: which of its vehicles.
-        starts: (r, 2n), from where they start to the end of a visit.
-        homes: (r, 2n), from the end of a visit home.
-        idle: (r,), of a vehicle that is not used.
-        enough: how large a bound needs to be.
-        once: the only vehicle that starts once at most; None if all do.
-        ascent: iterations at most.
+        useful: mask of the vehicles that the bound includes.
+        starts: (r, 2n), energy from the vehicle's start to the end of a visit.
+        homes: (r, 2n), energy from the end of a visit to the landing place.
+        idle: (r,), energy of an unused vehicle.
+        enough: stop when the bound exceeds this.
+        once: the only vehicle that starts at most once; None if all do.
+        ascent: maximum number of iterations.
     """
-    # Only here: it loads numba, and the quick conditions do without.
+    # Imported here because it loads numba, which the quick conditions do not need.
     from planner.kernels.proofs import compute_tree_bound
 
     visits = 2 * instance.segments
@@ -108,7 +108,7 @@ def compute_tree_bound_pct(
     moves[segment[:, np.newaxis] == segment[np.newaxis]] = np.inf
     entry = np.minimum(moves.min(axis=0), starts.min(axis=0)).reshape(-1, 2).min(axis=1)
     back = np.arange(visits) ^ 1
-    # A visit begins at the end point of its own number and ends at the other one of its segment.
+    # A visit begins at the end point with its own number and ends at the other end point of its segment.
     onward = moves[back] - entry[segment]
     every = range(len(starts))
     bound = compute_tree_bound(

@@ -1,8 +1,8 @@
-"""The pen-and-paper model of a multicopter's power (Bauersfeld, Scaramuzza, RA-L 7(2) 2022, arXiv 2109.04741).
+"""Pen-and-paper model of a multicopter's power (Bauersfeld, Scaramuzza, RA-L 7(2) 2022, arXiv 2109.04741).
 
-The model gives three points - hover, best endurance, best range - from figures that stand in a data sheet. A quartic
-through them (own addition) gives the power at every speed between, and a cubic, as drag has it, beyond. Equation
-numbers are those of the paper.
+The model gives three points - hover, best endurance, best range - from data sheet figures. A quartic through them (own
+addition) gives the power at every speed between, and a cubic, as for drag, beyond. Equation numbers are those of the
+paper.
 """
 
 from __future__ import annotations
@@ -20,28 +20,29 @@ from planner.errors import InstanceError
 GRAVITY_M_S2 = 9.81
 AIR_DENSITY_KG_M3 = 1.225
 ENDURANCE_POWER_RATIO = 0.914
-"""Power at the speed of best endurance over hover power, eq. (17)."""
+"""Power at best-endurance speed over hover power, eq. (17)."""
 RANGE_POWER_RATIO = 1.092
-"""Power at the speed of best range over hover power, eq. (17)."""
+"""Power at best-range speed over hover power, eq. (17)."""
 ENDURANCE_SPEED = (0.10188, 0.071358, 0.0007381)
-"""c0, c1, c2 of eq. (18) for the speed of best endurance."""
+"""c0, c1, c2 of eq. (18) for the best-endurance speed."""
 RANGE_SPEED = (0.041546, 0.041122, 0.00053292)
-"""c0, c1, c2 of eq. (18) for the speed of best range."""
+"""c0, c1, c2 of eq. (18) for the best-range speed."""
 QUARTIC_ENDS = 1.25
-"""Times the speed of best range: there the quartic ends, which may fall again, and a cubic goes on with its slope."""
+"""Multiple of the best-range speed where the quartic, which may fall again, ends; a cubic continues with its slope."""
 CLIMB_SHARE_PER_M_S = 0.04
-"""Extra power a m/s of climb: 31.4 A against 28.5 A at 2.5 m/s in a recorded flight of ArduPilot."""
+"""Additional power per m/s of climb: 31.4 A against 28.5 A at 2.5 m/s in a recorded ArduPilot flight."""
 CAPACITY_ENDS = 300.0
-"""W per Ah and cell: beyond, eq. (21) would rise again."""
+"""Limit in W per Ah and cell: beyond it, eq. (21) would rise again."""
 LEAST_SHARE = 0.5
 MOST_M_S, SPEED_STEP_M_S = 100.0, 0.1
 CAPACITY = (0.9876, -0.0020, -5.2484e-5, 1.2230e-7)
-"""Eq. (21) in ascending powers of W per Ah and cell; only 0.9876 fits the printed example (a public code: 0.99876)."""
+"""Eq. (21) in ascending powers of W per Ah and cell; only 0.9876 matches the printed example (a public code:
+0.99876)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drone:
-    """What the model needs to know of a multicopter; all of it stands in the data sheet."""
+    """The data sheet figures of a multicopter that the model needs."""
 
     name: str
     mass_kg: float
@@ -51,9 +52,9 @@ class Drone:
     cells: int
     """Cells in series."""
     capacity_ah: float
-    """Of the whole pack, parallel strings together."""
+    """Capacity of the whole pack, parallel strings together."""
     area_m2: float
-    """Projected from above."""
+    """Area projected from above."""
     efficiency: float = 0.4065
     """Propeller times motor. The paper's 0.6 * 0.75 gives 11 % too little power for its own printed example."""
     cell_voltage_v: float = 3.7
@@ -94,21 +95,21 @@ def hover_power_w(drone: Drone) -> float:
 
 
 def endurance_speed_m_s(drone: Drone) -> float:
-    """Return the speed at which the drone stays in the air longest, eq. (18)."""
+    """Return the speed of maximum flight time, eq. (18)."""
     return _optimal_speed_m_s(drone, ENDURANCE_SPEED)
 
 
 def range_speed_m_s(drone: Drone) -> float:
-    """Return the speed at which the drone gets farthest, eq. (18)."""
+    """Return the speed of maximum range, eq. (18)."""
     return _optimal_speed_m_s(drone, RANGE_SPEED)
 
 
 def power_w(drone: Drone, speed_m_s: float) -> float:
     """Return the electric power in level flight through still air.
 
-    The quartic has P(0) = P_hover, its minimum of 0.914 P_hover at the speed of best endurance, and at the speed of
-    best range 1.092 P_hover with the tangent through the origin that makes it the best. Beyond 1.25 times that speed
-    power grows with the cube of the speed, from the quartic's power and slope there.
+    The quartic has P(0) = P_hover, its minimum of 0.914 P_hover at the best-endurance speed, and 1.092 P_hover at the
+    best-range speed, with the tangent through the origin that defines best range. Beyond 1.25 times that speed power
+    grows with the cube of the speed, from the quartic's power and slope there.
 
     Raises:
         InstanceError: the speed is negative or not a number.
@@ -130,10 +131,10 @@ def power_w(drone: Drone, speed_m_s: float) -> float:
 
 
 def usable_wh(drone: Drone, power_w: float) -> float:
-    """Return what a full battery gives at a steady electric power: a hard drawn pack gives less, eq. (21).
+    """Return the energy of a full battery at a steady electric power: a high load reduces it, eq. (21).
 
     Raises:
-        InstanceError: the power is more than the pack can give at all.
+        InstanceError: the power exceeds the maximum of the pack.
     """
     share = _capacity_share(drone, power_w)
     if share <= 0 or power_w > CAPACITY_ENDS * drone.cells * drone.capacity_ah:
@@ -147,25 +148,25 @@ def _capacity_share(drone: Drone, power_w: float) -> float:
 
 
 def endurance_s(drone: Drone, speed_m_s: float) -> float:
-    """Return how long a full battery lasts at a speed, eq. (22)."""
+    """Return the endurance of a full battery at a speed, eq. (22)."""
     power = power_w(drone, speed_m_s)
     return 3600 * usable_wh(drone, power) / power
 
 
 def pct_per_s(drone: Drone, speed_m_s: float) -> float:
-    """Return what a second of level flight uses, in percent of a full battery.
+    """Return the energy of a second of level flight, in percent of a full battery.
 
     Raises:
-        InstanceError: the speed takes more than the battery can give.
+        InstanceError: the power at this speed exceeds the battery's maximum.
     """
     return 100 / endurance_s(drone, speed_m_s)
 
 
 @lru_cache(maxsize=64)
 def top_speed_m_s(drone: Drone) -> float:
-    """Return the highest speed, in steps of 0.1 m/s, whose power the battery can give with half of its capacity left.
+    """Return the highest speed, in steps of 0.1 m/s, at which the battery still delivers half of its capacity.
 
-    A pack that is drawn harder gives less than half of what it holds: nobody flies so.
+    At a higher load a pack delivers less than half of its charge, which is not practical.
     """
     speed_m_s = 0.0
     while speed_m_s < MOST_M_S and _capacity_share(drone, power_w(drone, speed_m_s + SPEED_STEP_M_S)) >= LEAST_SHARE:

@@ -1,4 +1,4 @@
-"""What the planner raises.
+"""Exceptions of the planner.
 
 PlannerError
 ├── InstanceError      the arrays of an instance do not fit each other, or hold NaN
@@ -9,11 +9,11 @@ A problem without a feasible plan is a result, never an error.
 
 
 class PlannerError(Exception):
-    """Root of everything that the planner raises on purpose."""
+    """Base class of all exceptions that the planner raises on purpose."""
 
 
 class InstanceError(PlannerError):
-    """The instance cannot be built from what was given."""
+    """The input does not form a valid instance."""
 
 
 class PlanError(PlannerError):

@@ -1,6 +1,6 @@
-"""The definition of every figure of a plan, what it is chosen by, and what a solver gives back.
+"""Reference definitions of a plan's figures, the cost functions, and the results of the solvers.
 
-It is slow, obvious, and what the kernels must agree with. The cost functions are those of the paper.
+Slow and simple: the kernels must match them. The cost functions are those of the paper.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ class Evaluation:
     """The figures of one plan."""
 
     value: float
-    """The cost function's, in percent of a full battery."""
+    """Value of the cost function, in percent of a full battery."""
     durations_s: tuple[float, ...]
     energies_pct: tuple[float, ...]
     longest_route_s: float
     violations: tuple[str, ...]
-    """In words; empty if every segment is inspected or named as uncovered, within all budgets."""
+    """Violations in words; empty if every segment is inspected or listed as uncovered, within all budgets."""
 
 
 def compute_legs_s(instance: Instance, route: Route) -> list[float]:
-    """Return the seconds to each visit's end, and then home; of a route without a visit its vehicle's way home.
+    """Return the seconds to the end of each visit, then of the return leg; for a route without a visit, the idle time.
 
     Raises:
         PlanError: the vehicle or a visit is not in the instance.
@@ -42,7 +42,7 @@ def compute_legs_s(instance: Instance, route: Route) -> list[float]:
 
 
 def compute_legs_pct(instance: Instance, route: Route) -> list[float]:
-    """Return the percent of a full battery that the same legs use.
+    """Return the energy of the same legs, in percent of a full battery.
 
     Raises:
         PlanError: the vehicle or a visit is not in the instance.
@@ -56,7 +56,7 @@ def compute_legs_pct(instance: Instance, route: Route) -> list[float]:
 
 
 def _check_known(instance: Instance, route: Route) -> tuple[int, list[int]]:
-    """Return a route's vehicle and visits, if the instance has them."""
+    """Return a route's vehicle and visits; check that the instance has them."""
     if not 0 <= route.vehicle < len(instance.vehicles):
         raise PlanError(f"route of vehicle {route.vehicle}, the instance has {len(instance.vehicles)}")
     for visit in route.visits:
@@ -66,32 +66,32 @@ def _check_known(instance: Instance, route: Route) -> tuple[int, list[int]]:
 
 
 def route_duration_s(instance: Instance, route: Route) -> float:
-    """Return how long a route takes, landing place reached; of a route without a visit, the vehicle's way home."""
+    """Return the duration of a route up to the landing; for a route without a visit, the vehicle's idle time."""
     return sum(compute_legs_s(instance, route))
 
 
 def route_energy_pct(instance: Instance, route: Route) -> float:
-    """Return what a route uses, c(T), in percent of a full battery."""
+    """Return the energy of a route, c(T), in percent of a full battery."""
     return sum(compute_legs_pct(instance, route))
 
 
 def completion_times_s(instance: Instance, route: Route) -> tuple[float, ...]:
-    """Return when each visit ends, in seconds from the route's start."""
+    """Return the end time of each visit, in seconds from the route's start."""
     return tuple(accumulate(compute_legs_s(instance, route)[:-1]))
 
 
 def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:
-    """Return the paper's cost of routes that use ``energies_pct``, one for each vehicle."""
+    """Return the paper's cost of routes with these energies, one for each vehicle."""
     return cost.function.value(energies_pct, [vehicle.budget_pct for vehicle in instance.vehicles])
 
 
 def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
     """Return all figures of a plan.
 
-    Visits that the instance does not have are violations and count for nothing else.
+    Visits that the instance does not have are violations and are otherwise ignored.
 
     Raises:
-        PlanError: the plan has not one route for each vehicle.
+        PlanError: the plan does not have one route for each vehicle.
     """
     if [route.vehicle for route in plan.routes] != list(range(len(instance.vehicles))):
         raise PlanError(f"the plan has {len(plan.routes)} routes, the instance {len(instance.vehicles)} vehicles")
@@ -122,13 +122,13 @@ def _find_violations(instance: Instance, plan: Plan, energies_pct: tuple[float, 
 
 
 K_C = 1000.0
-"""k_c of the paper: the weight of what a tour spends beyond its budget."""
+"""k_c of the paper: the weight of a tour's energy beyond its budget."""
 BUDGET_TOLERANCE_PCT = 1e-6
-"""A route spends more than its budget when it does so by more than this: sums depend on their order."""
+"""A route exceeds its budget only by more than this: sums depend on the order of addition."""
 
 
 def budget_excess_pct(energy_pct: float, budget_pct: float) -> float:
-    """Return what a route uses beyond its budget."""
+    """Return the energy of a route beyond its budget."""
     over = energy_pct - budget_pct
     return over if over > BUDGET_TOLERANCE_PCT else 0.0
 
@@ -137,22 +137,22 @@ def budget_excess_pct(energy_pct: float, budget_pct: float) -> float:
 class CostFunction:
     """total * sum(c(T) + excess * max(0, c(T) - budget)) + peak * max c(T).
 
-    c(T) is a route's energy in percent of a full battery. Whatever searches reads its weights from here, so that
-    another cost is another row below.
+    c(T) is a route's energy in percent of a full battery. All searches read the weights from here, so a new cost is a
+    new row below.
     """
 
     total: float
-    """Weight of what all routes use; 0 if only the longest counts."""
+    """Weight of the total energy of all routes; 0 if only the longest counts."""
     peak: float
     """Weight of the longest route."""
     shared_peak: bool
-    """Whether that weight is divided by the number of vehicles."""
+    """Whether to divide that weight by the number of vehicles."""
     excess: float
-    """Weight of what a route uses beyond its budget, beside what it uses."""
+    """Additional weight of a route's energy beyond its budget."""
 
     @property
     def is_longest_only(self) -> bool:
-        """Return whether nothing but the longest route counts."""
+        """Return whether only the longest route counts."""
         return self.total == 0
 
     def peak_weight(self, vehicles: int) -> float:
@@ -171,7 +171,7 @@ class CostFunction:
 
 
 class Cost(Enum):
-    """What a plan is chosen by, by its name in plan files."""
+    """The cost function of a plan, by its name in plan files."""
 
     MINMAX = "minmax"
     MINSUM = "minsum"
@@ -179,7 +179,7 @@ class Cost(Enum):
 
     @property
     def function(self) -> CostFunction:
-        """Return what it computes."""
+        """Return the cost function."""
         return FUNCTIONS[self]
 
 
@@ -194,7 +194,7 @@ FUNCTIONS: Mapping[Cost, CostFunction] = MappingProxyType({
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The best plan found, with its figures from the definition, and how the search went."""
+    """The best plan found, with its reference figures, and details of the search."""
 
     plan: Plan
     evaluation: Evaluation
@@ -203,11 +203,11 @@ class Result:
     iterations: int
     seconds: float
     stopped_by: str
-    """The stop rule's reason."""
+    """Reason given by the stop rule."""
     impossible: str | None = None
-    """Why no plan can cover everything, where that is certain; None where it is not."""
+    """Proven reason why no plan can cover everything; None if not proven."""
     bound: float | None = None
-    """What no plan of as much covered value and as many flying vehicles can cost less than, where that was proved."""
+    """Proven lower bound on the cost of plans with the same covered value and number of flying vehicles, if any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,31 +216,31 @@ class CriticalLoss:
 
     vehicle: int
     from_s: float
-    """The interval holds this time..."""
+    """Start of the interval, included."""
     to_s: float
-    """...but not this one."""
+    """End of the interval, excluded."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplanWindow:
-    """From when on the fleet can absorb any one loss."""
+    """The time from which the fleet can absorb any one loss."""
 
     earliest_s: float
     """t*: from here to the end of the longest route every loss has a re-plan; 0 for a full window."""
     certified_earliest_s: float
-    """No window of this plan begins earlier: the end of the latest interval with a loss that nothing repairs."""
+    """Lower bound on t* for this plan: the end of the latest interval with a loss that is proven irreparable."""
     longest_route_s: float
     breaking: CriticalLoss | None
     """The loss just before ``earliest_s`` that has no re-plan; None for a full window."""
 
     @property
     def window_pct(self) -> float:
-        """The window as a share of the longest route's time."""
+        """The window as a share of the longest route's duration."""
         return self._share_pct(self.earliest_s)
 
     @property
     def certified_window_pct(self) -> float:
-        """No window of this plan is larger."""
+        """Upper bound on the window of this plan."""
         return self._share_pct(self.certified_earliest_s)
 
     def _share_pct(self, earliest_s: float) -> float:
@@ -251,27 +251,27 @@ class ReplanWindow:
 
 @dataclass(frozen=True, slots=True)
 class WindowResult(Result):
-    """The plan with the largest window found; its value is MinMax, and feasible is no route longer than allowed."""
+    """The plan with the largest window found; its value is MinMax, feasible means no route is longer than allowed."""
 
     window: ReplanWindow = field(kw_only=True)
-    """As ``replan_window`` computes it."""
+    """The window as ``replan_window`` computes it."""
 
 
 class RepairStatus(Enum):
-    """What is known of a loss."""
+    """Result of the search for a re-plan of a loss."""
 
     FEASIBLE = "feasible"
     """A re-plan was found and checked."""
     IMPOSSIBLE = "impossible"
     """It is certain that there is none."""
     NOT_FOUND = "not found"
-    """None was found, and it is not certain that there is none."""
+    """None was found, but one may exist."""
 
 
 @dataclass(frozen=True, slots=True)
 class LossRow(CriticalLoss):
-    """What is known of it."""
+    """A loss and the result of its re-plan search."""
 
     verdict: RepairStatus
     plan: Plan | None
-    """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if there is none."""
+    """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if none was found."""

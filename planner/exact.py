@@ -1,9 +1,9 @@
-"""Small instances exactly: whether a plan that covers everything exists, and the best plan with its proof.
+"""Solve small instances exactly: whether a plan covers everything, and the best plan with its proof.
 
-The best route of a vehicle through each set of segments comes first; then vehicle after vehicle takes its part of what
-the others leave, for all sets at once. Both are dynamic programs over sets: a set of segments is a number with a bit
-for each segment. Where the longest route counts beside the sum, that is done again and again, each time with no route
-as long as one that could still make a better plan.
+First compute the best route of each vehicle through each set of segments; then each vehicle in turn takes its part of
+what the others leave, for all sets at once. Both are dynamic programs over sets: a set of segments is a number with a
+bit for each segment. If the longest route counts in addition to the sum, this is repeated, each time excluding the
+routes that are too long for a better plan.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
 EXACT_SEGMENTS = 18
-"""Segments up to which instances are taken; two more take four times the memory, up to nine times as long."""
+"""Maximum number of segments; two more take four times the memory and up to nine times as long."""
 SAME = 1e-7
-"""Costs that differ by this share are the same."""
+"""Relative tolerance for equal costs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +34,16 @@ class SubsetRoutes:
     """The best route of one vehicle through each set of segments."""
 
     energy_pct: FloatArray
-    """(2^n,) float64: of the best route through exactly this set, inf where none is within the budget."""
+    """(2^n,) float64: energy of the best route through exactly this set, inf if none is within the budget."""
     spent_pct: FloatArray
-    """(2^n, 2n) float64: the least that is spent at the end of visit j when it is the last of the set."""
+    """(2^n, 2n) float64: least energy spent at the end of visit j when it is the last of the set."""
     home_pct: FloatArray
-    """(2n,) float64: from the end of a visit home."""
+    """(2n,) float64: energy from the end of a visit to the landing place."""
     move_pct: FloatArray
-    """(2n, 2n) float64: from visit to visit with the vehicle's consumption."""
+    """(2n, 2n) float64: energy from visit to visit with the vehicle's consumption."""
 
     def route_of(self, chosen: int) -> tuple[int, ...]:
-        """Return the visits of the best route through a set that has one."""
+        """Return the visits of the best route through a feasible set."""
         route: list[int] = []
         onward = self.home_pct
         while chosen > 0:
@@ -55,7 +55,7 @@ class SubsetRoutes:
 
 
 def find_subset_routes(instance: Instance) -> tuple[SubsetRoutes, ...]:
-    """Return the best routes of each vehicle through all sets of segments; vehicles that are alike share theirs.
+    """Return the best routes of each vehicle through all sets of segments; identical vehicles share theirs.
 
     Raises:
         InstanceError: more segments than EXACT_SEGMENTS.
@@ -74,7 +74,7 @@ def find_subset_routes(instance: Instance) -> tuple[SubsetRoutes, ...]:
 
 
 def _find_routes_of(instance: Instance, number: int) -> SubsetRoutes:
-    # Only here: it loads numba.
+    # Imported here because it loads numba.
     from planner.kernels.proofs import find_best_routes
 
     vehicle, pct = instance.vehicles[number], instance.moves.tabulate().table_pct[instance.profile[number]]
@@ -92,12 +92,12 @@ def _find_routes_of(instance: Instance, number: int) -> SubsetRoutes:
 
 @dataclass(frozen=True, slots=True)
 class JoinedSets:
-    """What vehicles can cover together."""
+    """The sets that some vehicles can cover together."""
 
     cost: FloatArray
-    """(2^n,) float64: the least for each set, infinite where they cannot."""
+    """(2^n,) float64: the least cost of each set, infinite if infeasible."""
     parts_of: tuple[npt.NDArray[np.int64], ...]
-    """For each vehicle (2^n,) int64, its part of what it covers with those before it."""
+    """(2^n,) int64 for each vehicle: its part of the set that it covers together with the vehicles before it."""
 
     def trace_parts(self, chosen: int) -> list[int]:
         """Return each vehicle's part of a set that they cover together."""
@@ -114,12 +114,12 @@ def join_vehicles(
     """Return the sets that vehicles can cover together, each at the least cost.
 
     Args:
-        own: for each vehicle (2^n,) float64, what each set costs it, infinite where it cannot cover it.
+        own: for each vehicle (2^n,) float64, its cost of each set, infinite if infeasible.
         longest: whether the largest of their costs counts instead of the sum.
-        complete: whether only the set of all segments is of interest.
-        may_go_on: asked before each vehicle; None is returned once it says no.
+        complete: whether only the set of all segments is needed.
+        may_go_on: called before each vehicle; when it returns false, None is returned.
     """
-    # Only here: it loads numba.
+    # Imported here because it loads numba.
     from planner.kernels.proofs import join_sets
 
     cost = np.full(len(own[0]), np.inf)
@@ -136,7 +136,7 @@ def join_vehicles(
 
 
 def find_covering_plan(instance: Instance) -> Plan | None:
-    """Return a plan that inspects everything within all budgets, or None where there is none: both are certain.
+    """Return a plan that inspects everything within all budgets, or None if there is none: both are certain.
 
     Exact to ``BUDGET_TOLERANCE_PCT``, with the figures of ``evaluate`` to the last bit. Takes 3^n steps for each
     vehicle but two.
@@ -161,19 +161,19 @@ def solve_exact(
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
-    """Return the best plan with the proof that it is: ``Result.bound`` is what it costs, none without a proof.
+    """Return the best plan with its proof: ``Result.bound`` is its cost, None without a proof.
 
     As with ``solve``, no route exceeds its vehicle's budget and what cannot be covered is left out, the least value
-    first; then, if all vehicles are to fly, as many fly as can; then the cost decides.
+    first; then, with ``all_vehicles``, as many vehicles as possible fly; then the cost decides.
 
     Args:
         instance: the problem, of at most EXACT_SEGMENTS segments.
-        cost: what to minimise.
-        stop: ends the proof before it is complete. An iteration is a vehicle that takes its part of all sets. The
+        cost: the cost function to minimise.
+        stop: ends the proof before it is complete. One iteration is one vehicle that takes its part of all sets. The
             search for a first plan takes a fraction of a second and is not stopped by it.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
-        params: what that search is tuned by.
-        on_progress: called whenever ``stop`` is asked.
+        params: tuning of that search.
+        on_progress: called whenever ``stop`` is checked.
 
     Raises:
         InstanceError: more than EXACT_SEGMENTS segments.
@@ -193,7 +193,7 @@ def solve_exact(
 
 
 class _Proof(SearchRecord):
-    """The best plan so far, and what is proved of all others."""
+    """The best plan so far, and the proof for all others."""
 
     def __init__(
         self,
@@ -215,7 +215,7 @@ class _Proof(SearchRecord):
         self._first = first
         self._stop = stop
         self._grounded = build_true_weights(numbers, cost, all_vehicles=all_vehicles).empty
-        """What a vehicle without a visit adds to the cost."""
+        """Cost of a vehicle without a visit."""
         self._reason: str | None = None
         sets = np.arange(2**instance.segments)
         worth = (sets[:, np.newaxis] >> np.arange(instance.segments) & 1) @ numbers.value
@@ -223,8 +223,8 @@ class _Proof(SearchRecord):
         self._take(first.plan)
         if first.plan.uncovered:
             self._leave_out_least(worth)
-        # The energy of each vehicle's route through each set, and what that adds to the cost: the longest route is not
-        # in it. Without a visit it is what it is, even if the vehicle cannot get home.
+        # The energy of each vehicle's route through each set, and its contribution to the cost, without the longest
+        # route. A vehicle without a visit keeps its idle energy even if it cannot return.
         function, energies, prices = self._cost.function, [], []
         for number, own in enumerate(self._subsets):
             energy, idle = own.energy_pct.copy(), float(self._instance.idle_pct[number])
@@ -244,10 +244,10 @@ class _Proof(SearchRecord):
         self._ceiling = self._evaluation.value + self._grounded * sum(not route.visits for route in plan.routes)
 
     def _leave_out_least(self, worth: FloatArray) -> None:
-        """Allow the sets that are worth most of all that can be covered, and have a plan for one of them."""
+        """Allow the sets of the highest value that can be covered, and take a plan for one of them."""
         free = [np.where(np.isfinite(own.energy_pct), 0.0, np.inf) for own in self._subsets]
         for own in free:
-            own[0] = 0.0  # one that cannot get home has the empty set
+            own[0] = 0.0  # a vehicle that cannot return takes the empty set
         joined = join_vehicles(free, longest=False, complete=False)
         if joined is None:
             return
@@ -257,7 +257,7 @@ class _Proof(SearchRecord):
             self._take(_build_plan(self._instance, self._subsets, joined.trace_parts(int(worth.argmax()))))
 
     def run(self) -> None:
-        """Prove that no plan is better, or find it, until the stop rule says so."""
+        """Prove that no plan is better, or find a better one, until the stop rule ends the search."""
         weight = self._cost.function.peak_weight(len(self._subsets))
         shortest = self._choose_parts(self._energies, longest=True) if weight > 0 else 0.0
         least = 0.0
@@ -266,13 +266,13 @@ class _Proof(SearchRecord):
             if least + weight * shortest >= self._ceiling - tolerance:
                 self._reason = "optimal"
                 return
-            # A plan with a longer route costs no less than the one that is known.
+            # A plan with a longer route costs no less than the incumbent.
             most = (self._ceiling - tolerance - least) / weight if weight > 0 else np.inf
             pairs = zip(self._energies, self._prices, strict=True)
             least = self._choose_parts([np.where(energy <= most, price, np.inf) for energy, price in pairs])
 
     def _choose_parts(self, own: Sequence[FloatArray], *, longest: bool = False) -> float:
-        """Return the least cost of the allowed sets, infinite without any; take the plan if it is the best so far."""
+        """Return the least cost of the allowed sets, infinite without any; keep the plan if it is the best so far."""
         complete = bool(self._allowed[-1])
         joined = join_vehicles(own, longest=longest, complete=complete, may_go_on=self._may_go_on)
         if joined is None:
@@ -295,7 +295,7 @@ class _Proof(SearchRecord):
         return verdict.allowed > 0
 
     def build_result(self) -> Result:
-        """Return the best plan and what is proved of it."""
+        """Return the best plan and the bound proven for it."""
         found = self._build_result(self._plan, self._evaluation, self._reason or "")
         return replace(found, bound=self._evaluation.value if self._reason == "optimal" else None)
 
@@ -305,7 +305,7 @@ class _Proof(SearchRecord):
 
 
 def _build_plan(instance: Instance, subsets: Sequence[SubsetRoutes], parts: Sequence[int]) -> Plan:
-    """Return the plan that gives each vehicle its best route through a set of segments."""
+    """Return the plan in which each vehicle flies its best route through its part."""
     routes = tuple(Route(vehicle, own.route_of(parts[vehicle])) for vehicle, own in enumerate(subsets))
     inspected = sum(parts)
     return Plan(routes, tuple(segment for segment in range(instance.segments) if not inspected >> segment & 1))

@@ -1,28 +1,27 @@
-"""The paper's own solver, as the baseline that the search is measured by.
+"""The paper's own solver, the baseline for the search.
 
 Greedy randomised adaptive search of Nekovar, Faigl and Saska (2021), "Multi-tour Set Traveling Salesman Problem in
-planning power transmission line inspection", after what the authors' public solver does
+planning power transmission line inspection", as implemented in the authors' public solver
 (github.com/fnekovar/ms-tsp-solver). A run:
 
-- construction: of all insertions of an open segment, into any route, at any place, in either direction, one is drawn
+- construction: of all insertions of an open segment, into any route, at any position, in either direction, one is drawn
   from the quarter that gives the cheapest routes;
-- local search in rounds of as many neighbours as there are segments. The first neighbour of a round is taken even if it
-  is worse, then each that is better than the last, unless it is one of the last n / 4 solutions that ended a round
-  (tabu);
-- four neighbourhoods: a random visit to a random place, to the best place, exchanged with the best other visit, or
-  turned around. No move takes a vehicle's last visit. They are drawn in relation to their scores: 5 each at first and
-  again after every 20 rounds, 1 for the neighbourhood that a round ended with, 5 for the one drawn last when the round
-  gave a new best solution, and 1 in any case for the first of them;
-- the run ends after 200 rounds without a new best solution; then a dynamic program chooses the directions of each
-  route.
+- local search in rounds, with one neighbour per segment. The first neighbour of a round is accepted even if it is
+  worse, then each one better than the last, unless it is one of the last n / 4 solutions that ended a round (tabu);
+- four neighbourhoods: a random visit moved to a random position, moved to the best position, exchanged with the best
+  other visit, or reversed. No move takes a vehicle's last visit. They are drawn in proportion to their scores: 5 each
+  at first and again after every 20 rounds, 1 for the neighbourhood that a round ended with, 5 for the one drawn last if
+  the round gave a new best solution, and always 1 for the first of them;
+- the run ends after 200 rounds without a new best solution; then a dynamic program sets the directions of each route's
+  visits.
 
-The best place and the best other visit are what the authors' code takes for it, see ``shift_best`` and ``swap_best``.
-Judged by the whole plan's cost instead, the neighbourhoods lower the median by 3 to 8 %: a better solver, but not the
-one that the paper used.
+The best position and the best other visit are selected as in the authors' code, see ``shift_best`` and ``swap_best``.
+Selecting by the whole plan's cost instead lowers the median by 3 to 8 %: a better solver, but not the one that the
+paper used.
 
-What differs from theirs: all three cost functions, vehicles each with its own budget and energies, equal candidates in
-the list counted as often as they occur. Where every neighbour is tabu the round counts as one without improvement;
-theirs would never end. Where no vehicle has two visits, a last one may be taken; theirs would never end either.
+Differences from their solver: all three cost functions, a budget and energies per vehicle, equal candidates in the list
+counted as often as they occur. If every neighbour is tabu, the round counts as one without improvement; theirs would
+never end. If no vehicle has two visits, a last one may be taken; theirs would never end either.
 """
 
 from __future__ import annotations
@@ -45,11 +44,11 @@ if TYPE_CHECKING:
     from planner.kernels.grasp_walk import GraspWalk
 
 RUNS = 50
-"""Runs of the paper, of which the best plan is kept."""
+"""Number of runs in the paper, of which the best plan is kept."""
 PATIENCE = 200
 """Rounds without improvement that end a run."""
 BATCH = 20
-"""Rounds between two questions to the stop rule: some milliseconds."""
+"""Rounds between two checks of the stop rule: some milliseconds."""
 
 
 def solve_grasp(
@@ -64,20 +63,20 @@ def solve_grasp(
 ) -> Result:
     """Return the best plan of a number of runs of the paper's solver.
 
-    Every segment that a vehicle may be given is inspected, if need be beyond a budget: c-MinSum and MinComb charge K_C
-    for that, MinMax does not look at budgets at all. ``Result.feasible`` and the violations of the evaluation say
-    whether it happened.
+    Every segment that some vehicle may inspect is inspected, if necessary beyond a budget: c-MinSum and MinComb charge
+    K_C for that, MinMax ignores budgets. ``Result.feasible`` and the violations of the evaluation show whether it
+    happened.
 
     Args:
         instance: the problem.
-        cost: what to minimise.
-        stop: ends the solver before its last run. An iteration is one round of the local search; it is asked at least
+        cost: the cost function to minimise.
+        stop: ends the solver before its last run. One iteration is one round of the local search; checked at least
             every 20. Time does not include loading the kernels.
-        seed: of all randomness.
-        runs: how many.
-        all_vehicles: charge plans that leave a vehicle without a visit. Few are without any charge, because no move
+        seed: seed of all randomness.
+        runs: number of runs.
+        all_vehicles: penalise plans that leave a vehicle without a visit. Few do without a penalty, because no move
             takes a vehicle's last visit.
-        on_progress: called whenever ``stop`` is asked.
+        on_progress: called whenever ``stop`` is checked.
 
     Raises:
         InstanceError: ``runs`` is less than 1.
@@ -90,10 +89,10 @@ def solve_grasp(
 
 
 class _GraspRuns(Search):
-    """The runs one after the other, and the best plan so far."""
+    """The runs in sequence, and the best plan so far."""
 
     def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
-        # Only here, as in solve.py: it loads numba.
+        # Imported here, as in solve.py: it loads numba.
         from planner.kernels import grasp_walk
         from planner.plan_search import build_kernel_problem, build_random_state, build_true_weights
 
@@ -113,12 +112,12 @@ class _GraspRuns(Search):
         self._keep_better()
 
     def run(self, runs: int, stop: StopRule) -> Result:
-        """Make the runs, until ``stop`` says so."""
+        """Run all runs, until ``stop`` ends the search."""
         reason = self._run_rounds(lambda progress: stop(progress) if self._done < runs else StopVerdict(0, "runs"))
         return self._build_result(self._plan, self._evaluation, reason)
 
     def _start_walk(self) -> GraspWalk:
-        """Return a run that has been constructed only."""
+        """Return a new run after construction, before local search."""
         from planner.kernels.anneal import compute_objective
         from planner.plan_search import build_empty_state, copy_state
 
@@ -137,8 +136,8 @@ class _GraspRuns(Search):
         return walk
 
     def _advance(self, iterations: int, threads: Executor | None = None) -> None:  # noqa: ARG002 - runs take turns
-        """Run up to ``iterations`` rounds of a run; where it ends before, the next one is begun."""
-        if not self._walk.current.lengths.any():  # nobody may be given anything
+        """Run up to ``iterations`` rounds of a run; if it ends earlier, begin the next one."""
+        if not self._walk.current.lengths.any():  # no segment may be inspected by any vehicle
             self._done, self._iterations = self._done + 1, self._iterations + 1
             return
         done = self._kernels.improve(self._problem, self._weights, self._walk, iterations, PATIENCE, self._rng)
@@ -149,7 +148,7 @@ class _GraspRuns(Search):
             self._walk = self._start_walk()
 
     def _keep_better(self) -> None:
-        """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
+        """Keep the best of the run, with its visits oriented optimally, if it is better than that of all runs."""
         from planner.kernels.anneal import compute_objective
         from planner.kernels.tours import orient_visits
         from planner.plan_search import build_plan, copy_state

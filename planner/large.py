@@ -1,8 +1,8 @@
 """Networks of thousands of segments: a first plan along a curve, then a few neighbouring routes at a time.
 
-No table of all moves is made, and no iteration looks at all routes: a *region* is the routes next to some segment, and
-the ordinary search improves it as an instance of its own. A round improves as many regions as there are starts, in
-threads; they have no route in common, so the order in which threads end makes no difference.
+There is no table of all moves, and no iteration evaluates all routes: a *region* is the set of routes near some
+segment, and the ordinary search improves it as a separate instance. A round improves as many regions as there are
+starts, in threads; they share no route, so the order in which threads end makes no difference.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from planner.search import Search, run_in_threads
 from planner.stop_rules import Iterations, StopRule, Stopwatch
 
 CURVE_BITS = 12
-"""Fineness of the Hilbert curve: 4096 x 4096 cells."""
+"""Resolution of the Hilbert curve: 4096 x 4096 cells."""
 BISECTIONS = 20
-"""Halvings of the interval in which the least common share of the budgets lies."""
+"""Halvings of the interval that contains the least common share of the budgets."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Region:
-    """Some vehicles and the segments that they may share out among themselves."""
+    """A group of vehicles and the segments to distribute among them."""
 
     vehicles: tuple[int, ...]
     segments: tuple[int, ...]
@@ -39,7 +39,7 @@ class _Region:
 
 
 class LargeSearch(Search):
-    """One search on a large instance; ``run`` is all that there is to call."""
+    """One search on a large instance; call only ``run``."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class LargeSearch(Search):
         self._record_routes(range(len(self._routes)))
 
     def run(self, stop: StopRule) -> Result:
-        """Improve until ``stop`` says so."""
+        """Improve the plan until ``stop`` ends the search."""
         reason = self._run_rounds(stop)
         plan = Plan(
             tuple(Route(vehicle, visits) for vehicle, visits in enumerate(self._routes)),
@@ -100,7 +100,7 @@ class LargeSearch(Search):
             return self._search_region(regions[place], tours, seed=seeds[place], iterations=shares[place])
 
         for region, routes in zip(regions, run_in_threads(threads, improved, range(len(regions))), strict=True):
-            # With MinComb only if what they save is not lost by a longer longest.
+            # With MinComb, keep the change only if a longer longest route does not outweigh the saving.
             old, cost = [self._routes[vehicle] for vehicle in region.vehicles], self._objective_key()
             self._set_routes(region, routes)
             if self._balances and not self._all_vehicles and self._objective_key() > cost:
@@ -139,7 +139,7 @@ class LargeSearch(Search):
             self._route_of[[segment_of(visit) for visit in visits]] = vehicle
 
     def _choose_regions(self) -> list[_Region]:
-        """Return regions that have nothing in common, at least one and at most as many as there are starts."""
+        """Return disjoint regions, at least one and at most as many as there are starts."""
         taken = np.zeros(len(self._routes), dtype=np.bool_)
         claimed = np.zeros(self._instance.segments, dtype=np.bool_)
         regions: list[_Region] = []
@@ -155,7 +155,7 @@ class LargeSearch(Search):
         return regions
 
     def _choose_seed_segment(self, *, longest: bool) -> int:
-        """Return the middle of the next region: where something is left out, in the longest route, or anywhere."""
+        """Return the middle of the next region: near an uncovered segment, in the longest route, or anywhere."""
         left = self._find_open_segments()
         if len(left) > 0 and self._chance.random() < 0.5:
             return int(self._chance.choice(left))
@@ -170,7 +170,7 @@ class LargeSearch(Search):
         """Return the free routes and the open segments nearest to a segment."""
         away = np.hypot(*(self._middle_m - self._middle_m[seed]).T)
         near = np.argsort(away, kind="stable")
-        # Who alone is given the middle has its route elsewhere, as a rule.
+        # The vehicle that the middle is locked to usually has its route elsewhere.
         keeper = self._instance.locked.get(seed, -1)
         vehicles = [keeper] if keeper >= 0 and not taken[keeper] else []
         segments = [segment_of(visit) for vehicle in vehicles for visit in self._routes[vehicle]]
@@ -179,7 +179,7 @@ class LargeSearch(Search):
             if (full and len(vehicles) > 1) or len(vehicles) >= self._params.region_routes:
                 break
             vehicle = int(self._route_of[segment])
-            # A second route may be far away: what is open up to there would be nearly the whole network.
+            # A second route may be far away: the open segments up to there would be nearly the whole network.
             if vehicle < 0 and not claimed[segment] and not full:
                 segments.append(segment)
             elif vehicle >= 0 and not taken[vehicle] and vehicle not in vehicles:
@@ -195,7 +195,7 @@ class LargeSearch(Search):
         return np.flatnonzero(self._route_of < 0)
 
     def _objective_key(self) -> tuple[float, float]:
-        """Return the value left out, then the cost: less is better."""
+        """Return the uncovered value, then the cost: less is better."""
         left = float(self._instance.value[self._route_of < 0].sum())
         return left, cost_of(self._instance, self._energies.tolist(), self._cost)
 
@@ -228,9 +228,9 @@ def sort_along_curve(places_m: FloatArray) -> npt.NDArray[np.int64]:
 def split_into_routes(instance: Instance, order: npt.NDArray[np.int64], *, everybody: bool) -> list[tuple[int, ...]]:
     """Return routes for all vehicles: the order cut into pieces.
 
-    Vehicles fly as far as their budgets go, or, if ``everybody`` is to share, to the least common share of them that
-    does. What even the whole budgets do not carry is left out at the end of the order, and what one vehicle alone is
-    given.
+    Each vehicle flies as far as its budget allows, or, with ``everybody``, to the least common share of the budgets
+    that covers all. What exceeds the full budgets is left out at the end of the order, as are segments locked to one
+    vehicle.
     """
     tour = _direct_visits(instance, order[~np.isin(order, list(instance.locked))])
     low, high = 0.0, 1.0
@@ -248,9 +248,9 @@ def split_into_routes(instance: Instance, order: npt.NDArray[np.int64], *, every
 
 
 def _direct_visits(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return (n,) int64, the visits in an order, each begun at the end that is nearer to where the last one ended.
+    """Return (n,) int64, the visits in order, each begun at the end nearer to the end of the previous one.
 
-    What nobody must fly from there is flown from the other end.
+    A visit that is barred in that direction is flown from the other end.
     """
     never = instance.start_pct.min(axis=0) >= BARRED_PCT
     tour = np.empty(len(order), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""All losses of one plan, gone through from the end: the seam between the window and its kernels."""
+"""Scan all losses of one plan from the end: the seam between the window and its kernels."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from planner.plan_search import build_kernel_problem, build_random_state, build_
 from planner.replan import RemainingProblem, build_remaining_problem
 
 EXACT_UP_TO = 13
-"""Open segments up to which a loss is decided exactly: some 20 ms."""
+"""Maximum number of open segments for an exact decision on a loss: some 20 ms."""
 QUICK = 20
-"""The first look at a loss takes this part of the effort; then its certificates are asked before the rest."""
+"""Divisor of the effort for the first attempt at a loss; its certificates are checked before the rest is spent."""
 
 
 class LossScan:
-    """The losses of a plan; each re-plan begins with the one of the interval after."""
+    """The losses of a plan; each re-plan begins with the one of the following interval."""
 
     def __init__(
         self, instance: Instance, plan: Plan, events_s: Sequence[float], *, seed: int, fly_again: bool
@@ -61,7 +61,7 @@ class LossScan:
         self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
 
     def iterate_rows(self, effort: int) -> Iterator[LossRow]:
-        """Yield all losses, each looked at when it is asked for."""
+        """Yield all losses, each computed on demand."""
         for interval in range(len(self._events_s) - 2, -1, -1):
             for vehicle in self.find_flying_vehicles(interval):
                 yield self._build_row(interval, vehicle, effort)
@@ -72,9 +72,9 @@ class LossScan:
         return [vehicle for vehicle, end_s in enumerate(self._durations_s) if end_s > from_s + SAME_TIME_S]
 
     def last_impossible_s(self, broken: LossRow) -> float:
-        """Return the end of the last interval, from a broken one back, with a loss that certainly nothing repairs.
+        """Return the end of the last interval, at or before a broken one, with a loss that is proven irreparable.
 
-        It is 0 where none is known.
+        Returns 0 if none is known.
         """
         for interval in range(len(self._events_s) - 2, -1, -1):
             if self._events_s[interval] <= broken.from_s and any(
@@ -112,7 +112,7 @@ class LossScan:
         return plan
 
     def _keep(self, vehicle: int, left: RemainingProblem, plan: Plan) -> None:
-        """Make a re-plan the known one of a loss, for the interval before to begin with."""
+        """Store a re-plan as the known one of a loss, as a start for the previous interval."""
         repairs = self._repairs
         repairs.known[vehicle] = 1
         repairs.lengths[vehicle] = 0
@@ -138,7 +138,7 @@ class LossScan:
         return routes if self._is_valid_repair(self._events_s[interval], vehicle, routes) else None
 
     def _is_valid_repair(self, at_s: float, lost: int, routes: list[list[int]]) -> bool:
-        """Return whether new routes visit everything open once and exceed no budget, by the slow definition."""
+        """Return whether new routes visit all open segments once and exceed no budget, by the reference definition."""
         accounted = [segment_of(visit) for visits in routes for visit in visits]
         for route in self._plan.routes:
             until_s = at_s if route.vehicle == lost else at_s + self._instance.answer_s
@@ -154,7 +154,7 @@ class LossScan:
     def _survivor_energy_pct(
         self, lost: int, route: Route, kept: tuple[int, ...], done: int, visits: list[int]
     ) -> float:
-        """Return what a survivor uses in all: on one route if it has visits left, else on two."""
+        """Return a survivor's total energy: on one route if it has visits left, else on two."""
         vehicle, instance = route.vehicle, self._instance
         lifted = sum(instance.locked.get(segment_of(visit)) == lost for visit in visits)
         visits_pct = -BARRED_PCT * lifted * instance.vehicles[vehicle].consumption
@@ -169,7 +169,7 @@ class LossScan:
 
 
 def timing_of(instance: Instance) -> LossTiming:
-    """Return the times and the moves from the landing place as the kernels take them."""
+    """Return the times and the moves from the landing place as kernel arrays."""
     consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
     return LossTiming(
         move_s=np.ascontiguousarray(instance.moves.tabulate().table_s),
@@ -183,7 +183,7 @@ def timing_of(instance: Instance) -> LossTiming:
 
 
 def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
-    """Return when the visits of a measured state end."""
+    """Return the end times of a measured state's visits."""
     clock = allocate(LossClock, k=len(base.lengths), n=len(base.route_of))
     for route in range(len(base.lengths)):
         set_clock(problem, timing, base, clock, route)
@@ -191,7 +191,7 @@ def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
 
 
 def loss_of(problem: Problem, locked: Mapping[int, int]) -> Loss:
-    """Return room for what a loss leaves; ``locked`` is that of the instance."""
+    """Return arrays for the problem after a loss; ``locked`` is that of the instance."""
     keeper = np.full(len(problem.value) if locked else 0, -1, dtype=np.int64)
     keeper[list(locked)] = list(locked.values())
     own = problem._replace(
@@ -200,14 +200,14 @@ def loss_of(problem: Problem, locked: Mapping[int, int]) -> Loss:
         budget=problem.budget.copy(),
         move=problem.move.copy() if locked else problem.move,
         move_into=problem.move_into.copy() if locked else problem.move_into,
-        twin=np.full(len(problem.budget), -1, dtype=np.int64),  # equal on the ground, but elsewhere after the loss
+        twin=np.full(len(problem.budget), -1, dtype=np.int64),  # equal on the ground, not after the loss
     )
     is_open, done = (np.zeros(len(figures), dtype=np.int64) for figures in (problem.value, problem.budget))
     return Loss(own, is_open, done, keeper, np.full(1, -1, dtype=np.int64), BARRED_PCT)
 
 
 def build_empty_repairs(problem: Problem, losses: int) -> Repairs:
-    """Return room for the repairs of a number of losses, none of them known."""
+    """Return arrays for the repairs of a number of losses, none of them known."""
     repairs = allocate(Repairs, losses=losses, k=len(problem.budget), n=len(problem.value))
     repairs.route_of[:] = -1
     return repairs

@@ -1,4 +1,4 @@
-"""The planning problem and its answer as frozen data, and the problem of segment end points and a fleet.
+"""The planning problem and its solution as frozen data, built from segment end points and a fleet.
 
 A *visit* is one segment in one direction. Visits are numbered ``2 * segment + reversed``, so the two visits of a
 segment are ``v`` and ``v ^ 1``: the 'set' of the Set TSP of which a plan takes exactly one.
@@ -17,9 +17,9 @@ from planner.errors import InstanceError, PlanError
 from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves, compute_transits
 
 TABLES_UP_TO = 1000
-"""Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
+"""Maximum number of segments for tables of all moves: 2000 x 2000 times and energies are 64 MB."""
 BARRED_PCT = 1e5
-"""Of a full battery: what a visit costs more that a vehicle must not make; it fits into no budget."""
+"""Additional cost, in percent of a full battery, of a visit that a vehicle must not make; it exceeds any budget."""
 BY_VISIT = ("start_s", "home_s", "depot_s", "start_pct", "home_pct", "depot_pct")
 """Tables of an instance with a row for each vehicle and a column for each visit."""
 
@@ -40,44 +40,44 @@ def is_reversed(visit: int) -> bool:
 
 
 def renumber_visits(visits: Iterable[int], number: Mapping[int, int] | Sequence[int]) -> tuple[int, ...]:
-    """Return visits with the ``number`` of each of their segments instead of it."""
+    """Return visits with each segment replaced by its ``number``."""
     return tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits)
 
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """One vehicle as the planner sees it."""
+    """One vehicle as used by the planner."""
 
     name: str
     start_m: tuple[float, float]
-    """Where its route starts, local east and north in metres."""
+    """Start of its route, local east and north in metres."""
     budget_pct: float
-    """What it may spend from its start until it is home, in percent of a full battery."""
+    """Energy limit from its start until it has landed, in percent of a full battery."""
     consumption: float = 1.0
-    """What it uses relative to the energy model; 1.1 is a worn pack or a head wind."""
+    """Consumption relative to the energy model; 1.1 is a worn pack or a head wind."""
     airborne: bool = False
-    """An airborne vehicle pays its way home even when it is given no visit."""
+    """Whether it starts in the air: then it pays for its return even without a visit."""
     start_up_m: float = 0.0
-    """Height of its start, where moves count heights."""
+    """Height of its start, if moves include heights."""
     facing_m: tuple[float, float] = (0.0, 0.0)
-    """Along which it arrived there, east and north; of no length where nobody knows."""
+    """Direction in which it arrived at its start, east and north; zero length if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Instance:
-    """``n`` segments and ``k`` vehicles of ``p`` profiles, with the time and the energy of every move."""
+    """``n`` segments and ``k`` vehicles of ``p`` profiles, with the time and energy of every move."""
 
     vehicles: tuple[Vehicle, ...]
     profile: tuple[int, ...]
-    """For each vehicle, whose ``moves`` are its own."""
+    """For each vehicle, the index of its profile in ``moves``."""
     moves: Moves
-    """From the end of one visit to the end of another, for a consumption of 1."""
+    """Moves from the end of one visit to the end of another, for a consumption of 1."""
     start_s: FloatArray
     """(k, 2n) float64: seconds from vehicle k's start to the end of visit j."""
     home_s: FloatArray
     """(k, 2n) float64: seconds from the end of visit i to vehicle k's landing place."""
     idle_s: FloatArray
-    """(k,) float64: seconds of a route without a visit: 0 on the ground, the way home in the air."""
+    """(k,) float64: seconds of a route without a visit: 0 on the ground, the return in the air."""
     start_pct: FloatArray
     """(k, 2n) float64: energy in percent of a full battery with vehicle k's own consumption, as the next two."""
     home_pct: FloatArray
@@ -85,19 +85,19 @@ class Instance:
     idle_pct: FloatArray
     """(k,) float64."""
     depot_s: FloatArray
-    """(k, 2n) float64: seconds from the ground to the end of visit j: what vehicle k flies again once it has landed."""
+    """(k, 2n) float64: seconds from the ground to the end of visit j, for vehicle k's next flight after a landing."""
     depot_pct: FloatArray
     """(k, 2n) float64: energy of the same moves for a consumption of 1."""
     value: FloatArray
-    """(n,) float64: what inspecting a segment is worth when not all can be: its length in metres."""
+    """(n,) float64: value of a segment if not all can be inspected: its length in metres."""
     end_m: FloatArray
-    """(2n, 3) float64: where each visit ends, local east and north in metres, and up where moves count heights."""
+    """(2n, 3) float64: end of each visit, local east and north in metres, and up if moves include heights."""
     landing_m: tuple[float, float]
-    """Where every route ends, local east and north in metres."""
+    """End of every route, local east and north in metres."""
     answer_s: float = 0.0
-    """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
+    """Seconds that all vehicles continue after a loss until it is detected and a re-plan is computed and uploaded."""
     locked: Mapping[int, int] = field(default_factory=dict)
-    """Segments that one vehicle alone is given, and its number: they cost every other one BARRED_PCT more."""
+    """Segments locked to one vehicle, with its number: they cost every other vehicle BARRED_PCT more."""
 
     def __post_init__(self) -> None:
         """Check shapes and numbers.
@@ -141,7 +141,7 @@ class Instance:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """One sortie of one vehicle: its ordered visits, from where it starts to where it lands.
+    """One sortie of one vehicle: its ordered visits, from its start to its landing.
 
     In a single flight each vehicle has one, from its start to the depot.
     """
@@ -149,15 +149,15 @@ class Route:
     vehicle: int
     visits: tuple[int, ...]
     base: int = 0
-    """Of days: where it begins."""
+    """For days of sorties: the base where it begins."""
     lands: int = 0
-    """Of days: the base where it ends."""
+    """For days of sorties: the base where it ends."""
     start_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Routes in the order of the instance's vehicles, each one's in the order of time, and what nobody inspects."""
+    """Routes in the order of the instance's vehicles and then of time, and the uncovered segments."""
 
     routes: tuple[Route, ...]
     uncovered: tuple[int, ...] = ()
@@ -176,7 +176,7 @@ class Plan:
             raise PlanError("a segment occurs twice in the plan")
 
     def routes_of(self, vehicle: int) -> tuple[Route, ...]:
-        """Return one vehicle's."""
+        """Return the routes of one vehicle."""
         return tuple(route for route in self.routes if route.vehicle == vehicle)
 
 
@@ -188,14 +188,14 @@ def build_instance(
     *,
     tables_up_to: int = TABLES_UP_TO,
 ) -> Instance:
-    """Return the instance of ``n`` segments and a fleet that lands at one place.
+    """Return the instance of ``n`` segments and a fleet with one landing place.
 
     Args:
         ends_m: (n, 2, 2) float64, the end points a and b of each segment, local east and north in metres.
-        landing_m: (2,) float64, where every route ends.
+        landing_m: (2,) float64, end of every route.
         vehicles: the fleet; each starts at its own ``start_m``, in the air if ``airborne``.
         travel: speeds and energy rates of all vehicles, or of each.
-        tables_up_to: segments beyond which moves are computed when they are asked for.
+        tables_up_to: maximum number of segments for tables; with more, moves are computed on demand.
 
     Raises:
         InstanceError: a shape does not fit, or a coordinate is not a number.
@@ -257,7 +257,7 @@ def _stack_rows(rows: Sequence[tuple[FloatArray, FloatArray]], visits: int) -> t
 
 
 def build_part_instance(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]) -> Instance:
-    """Return some vehicles and segments of an instance as an instance, numbered anew in the order given."""
+    """Return some vehicles and segments of an instance as an instance, renumbered in the given order."""
     visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
     rows, fleet = np.ix_(vehicles, visits), list(vehicles)
     return replace(
@@ -279,7 +279,7 @@ def build_part_instance(instance: Instance, vehicles: Sequence[int], segments: S
 
 
 def lift_locks(instance: Instance, lost: Collection[int]) -> Instance:
-    """Return an instance in which everybody may be given what some vehicles alone were."""
+    """Return the instance without the locks of the ``lost`` vehicles: any vehicle may inspect those segments."""
     lifted = {segment: vehicle for segment, vehicle in instance.locked.items() if vehicle in lost}
     if not lifted:
         return instance

@@ -1,4 +1,4 @@
-"""What a move takes: speeds, energy rates, wind; tables of all moves, or each computed when it is asked for.
+"""Time and energy of moves: speeds, energy rates, wind; as tables of all moves or computed on demand.
 
 A *move* ends where a visit ends: the transit to the visit's first pylon and the inspection itself. The default is the
 paper's model: distance over speed, no other dynamics. With ``Dynamics`` it is the matrix of the authors' public solver,
@@ -20,14 +20,14 @@ from planner.errors import InstanceError
 
 FloatArray = npt.NDArray[np.float64]
 Visits = int | Sequence[int] | npt.NDArray[np.int64]
-"""Numbers of visits; two of them broadcast against each other as numpy's indices do."""
+"""Visit numbers; two arguments broadcast against each other like numpy indices."""
 CURVE_STEP_M_S = 0.25
-"""Between two points of the energy rate over the air speed: straight lines between them are within 0.01 % of it."""
+"""Step of the energy-rate curve over air speed: linear interpolation is within 0.01 % of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Dynamics:
-    """What the authors' public solver adds to the paper's model."""
+    """Dynamics that the authors' public solver adds to the paper's model."""
 
     acceleration_m_s2: float = 2.5
     yaw_rate_rad_s: float = 1.0
@@ -44,25 +44,25 @@ class Dynamics:
 
 @dataclass(frozen=True, slots=True)
 class SteadyWind:
-    """Steady wind, and what flying at an air speed uses.
+    """Steady wind, and the energy rate over air speed.
 
     Vehicles hold their ground speed, as multicopter autopilots do in missions: wind changes the energy of a move, not
-    its time, and the energy of the way back is another one.
+    its time, and the reverse direction uses a different energy.
     """
 
     east_m_s: float
-    """Where the air moves to."""
+    """Velocity of the air towards the east."""
     north_m_s: float
     airspeed_m_s: tuple[float, ...]
-    """Ascending from 0."""
+    """Air speeds, ascending from 0."""
     pct_per_s: tuple[float, ...]
-    """At each of those air speeds, for a consumption of 1; straight lines between them."""
+    """Energy rate at each of those air speeds, for a consumption of 1; linear in between."""
 
     def __post_init__(self) -> None:
-        """Check that the rates make a curve.
+        """Check that the rates form a curve.
 
         Raises:
-            InstanceError: a figure is not a number, or the curve is not one.
+            InstanceError: a figure is not a number, or the curve is invalid.
         """
         if not (math.isfinite(self.east_m_s) and math.isfinite(self.north_m_s)):
             raise InstanceError("wind: expected two numbers, east and north in m/s")
@@ -72,7 +72,7 @@ class SteadyWind:
             raise InstanceError("wind: expected ascending air speeds and positive rates")
 
     def rates_pct_per_s(self, east_m_s: FloatArray, north_m_s: FloatArray) -> FloatArray:
-        """Return the energy rates at velocities over ground."""
+        """Return the energy rates at given ground velocities."""
         airspeed = np.hypot(east_m_s - self.east_m_s, north_m_s - self.north_m_s)
         rates: FloatArray = np.interp(airspeed, self.airspeed_m_s, self.pct_per_s)
         return rates
@@ -80,12 +80,12 @@ class SteadyWind:
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """How fast a vehicle moves and what a second of it uses at a consumption of 1."""
+    """Speeds of a vehicle, and its energy rates at a consumption of 1."""
 
     transit_speed_m_s: float
     inspection_speed_m_s: float
     transit_pct_per_s: float
-    """In still air."""
+    """Energy rate in still air."""
     inspection_pct_per_s: float
     dynamics: Dynamics | None = None
     wind: SteadyWind | None = None
@@ -100,11 +100,11 @@ class Travel:
             _check_positive(name, getattr(self, name))
 
     def rates_pct_per_s(self, vectors_m: FloatArray, speed_m_s: float, calm_pct_per_s: float) -> FloatArray:
-        """Return (...) float64, the energy rate along ``vectors_m`` (..., 2) at a speed, by what it is in still air."""
+        """Return (...) float64, energy rates along ``vectors_m`` (..., 2) at a speed, given the rate in still air."""
         if self.wind is None:
             return np.full(vectors_m.shape[:-1], calm_pct_per_s)
         length_m = np.hypot(vectors_m[..., 0], vectors_m[..., 1])
-        # A move of no length takes no time, whatever its rate.
+        # A move of zero length takes no time, whatever its rate.
         speed = np.divide(speed_m_s, length_m, out=np.zeros_like(length_m), where=length_m > 0)
         return self.wind.rates_pct_per_s(vectors_m[..., 0] * speed, vectors_m[..., 1] * speed)
 
@@ -115,16 +115,16 @@ def travel_for(
     inspection_speed_m_s: float,
     wind_m_s: tuple[float, float] = (0.0, 0.0),
 ) -> Travel:
-    """Return the travel of a drone at the two speeds, with its energy from the pen-and-paper model.
+    """Return the travel of a drone at two speeds, with energy from the pen-and-paper model.
 
     Args:
-        drone: Whose power is modelled.
-        transit_speed_m_s: Over ground.
-        inspection_speed_m_s: Over ground.
-        wind_m_s: Where the air moves to, east and north.
+        drone: The drone whose power is modelled.
+        transit_speed_m_s: Ground speed.
+        inspection_speed_m_s: Ground speed.
+        wind_m_s: Velocity of the air, towards east and north.
 
     Raises:
-        InstanceError: a speed is not a positive number, or beyond what the drone's battery can give.
+        InstanceError: a speed is not a positive number, or needs more power than the drone's battery can deliver.
     """
     return Travel(
         transit_speed_m_s,
@@ -138,10 +138,10 @@ def travel_for(
 
 
 def build_steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> SteadyWind:
-    """Return a wind, or still air, with what a drone uses in it up to a speed over ground.
+    """Return a wind, or still air, with a drone's energy rates up to a ground speed.
 
     Raises:
-        InstanceError: the battery cannot give what that speed takes against the wind.
+        InstanceError: that speed against the wind needs more power than the battery can deliver.
     """
     points = math.ceil((fastest_m_s + math.hypot(*wind_m_s)) / CURVE_STEP_M_S) + 2
     airspeed = tuple(CURVE_STEP_M_S * point for point in range(points))
@@ -151,7 +151,7 @@ def build_steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, f
 class Moves(ABC):
     """The moves between an instance's visits. Vehicles of equal travel share a *profile*.
 
-    Those that are computed when they are asked for take memory that grows with the segments, not with their square.
+    Moves computed on demand use memory that grows with the segments, not with their square.
     """
 
     __slots__ = ()
@@ -190,17 +190,17 @@ class Moves(ABC):
         return MoveTables(seconds, pct)
 
     def add_pct(self, more_pct: FloatArray) -> Moves:
-        """Return moves that take (p, 2n) more energy, by the visit at their end."""
+        """Return moves with additional energy (p, 2n), by the visit at their end."""
         return self.tabulate().add_pct(more_pct)
 
     @abstractmethod
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
-        """Return the moves between some of the visits as tables, numbered anew in the order given."""
+        """Return the moves between some of the visits as tables, renumbered in the given order."""
 
 
 @dataclass(frozen=True, slots=True)
 class MoveTables(Moves):
-    """All moves beside each other: what networks up to some hundred segments take."""
+    """Tables of all moves, for networks of up to some hundred segments."""
 
     table_s: FloatArray
     """(p, 2n, 2n) float64: for each profile, seconds from the end of visit i to the end of visit j."""
@@ -211,7 +211,7 @@ class MoveTables(Moves):
         """Check shapes and numbers.
 
         Raises:
-            InstanceError: a table is not one for a number of visits, or holds what is no time or energy.
+            InstanceError: a table does not have the shape for a number of visits, or holds an invalid time or energy.
         """
         shape = self.table_s.shape
         if len(shape) != 3 or shape[0] == 0 or shape[1] != shape[2] or self.table_pct.shape != shape:
@@ -235,7 +235,7 @@ class MoveTables(Moves):
         return self
 
     def add_pct(self, more_pct: FloatArray) -> MoveTables:
-        """Return moves that take more energy."""
+        """Return moves with additional energy."""
         return MoveTables(self.table_s, self.table_pct + more_pct[:, np.newaxis])
 
     def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
@@ -258,14 +258,14 @@ class MoveTables(Moves):
 
 @dataclass(frozen=True, slots=True)
 class MoveGeometry(Moves):
-    """Moves between places."""
+    """Moves between places, computed on demand."""
 
     first_m: FloatArray
-    """(2n, 2) float64: where each visit begins, local east and north in metres."""
+    """(2n, 2) float64: start of each visit, local east and north in metres."""
     last_m: FloatArray
-    """(2n, 2) float64: where it ends."""
+    """(2n, 2) float64: end of each visit."""
     travels: tuple[Travel, ...]
-    """One for each profile."""
+    """One travel for each profile."""
 
     @property
     def profiles(self) -> int:
@@ -293,10 +293,10 @@ def compute_moves(
     """Return seconds and energies of moves; the four arrays (..., 2) broadcast against each other.
 
     Args:
-        places_m: Where moves begin.
-        headings_m: Along which the vehicle arrived there.
-        first_m: Where the visits begin.
-        last_m: Where they end.
+        places_m: Start of each move.
+        headings_m: Direction in which the vehicle arrived there.
+        first_m: Start of each visit.
+        last_m: End of each visit.
         travel: Speeds and rates.
     """
     transit_s, transit_pct = compute_transits(places_m, headings_m, first_m, travel)
@@ -314,8 +314,8 @@ def compute_transits(
 ) -> tuple[FloatArray, FloatArray]:
     """Return seconds and energies of transits; the three arrays (..., 2) broadcast against each other.
 
-    With dynamics: the turn from the heading, then d / v + v / a, which is the authors' (d - v^2/a)/v + 2 v/a. They
-    charge it to a transit of no length as well.
+    With dynamics: the turn from the heading, then d / v + v / a, which is the authors' (d - v^2/a)/v + 2 v/a. They also
+    charge it to a transit of zero length.
     """
     vector = targets_m - places_m
     seconds: FloatArray = np.hypot(vector[..., 0], vector[..., 1]) / travel.transit_speed_m_s
@@ -326,7 +326,7 @@ def compute_transits(
 
 
 def _turn_s(before: FloatArray, after: FloatArray, dynamics: Dynamics) -> FloatArray:
-    """Return the seconds of the turns between vectors; a vector of no length faces east, as atan2(0, 0) has it."""
+    """Return the seconds of the turns between vectors; a vector of zero length faces east, as in atan2(0, 0)."""
     turn = np.arctan2(before[..., 1], before[..., 0]) - np.arctan2(after[..., 1], after[..., 0])
     wrapped: FloatArray = np.abs((turn + math.pi) % (2 * math.pi) - math.pi)
     return wrapped / dynamics.yaw_rate_rad_s

@@ -1,7 +1,7 @@
-"""What the searches are tuned by: checked when it is made, and passed to the searches.
+"""Tuning parameters of the searches, checked on creation.
 
-The defaults are what every figure of this project was found with. A TOML file may set any of them, each part in a table
-of its own:
+All results of this project were computed with the defaults. A TOML file may override any of them, each part in its own
+table:
 
     [annealing]
     hot = 8.0
@@ -9,8 +9,8 @@ of its own:
     [window]
     ways = [[0.0, 1.0], [0.8, 0.1]]
 
-None of them changes what a plan is held against: budgets, the cost functions and the re-plan window of a plan have no
-knobs. The baseline (grasp.py) has none either: it is the paper's, with the paper's numbers.
+No parameter changes the rules for a plan: budgets, the cost functions and a plan's re-plan window have no parameters.
+The baseline (grasp.py) has none either: it is the paper's, with the paper's numbers.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ CHECKED = ConfigDict(extra="forbid")
 
 @dataclass(frozen=True, slots=True, config=CHECKED)
 class _Part:
-    """A part of the parameters, checked when it is made."""
+    """A part of the parameters, checked on creation."""
 
     ASCENDING: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """Fields of which the first must not be more than the second."""
+    """Pairs of fields of which the first must not exceed the second."""
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
@@ -52,29 +52,30 @@ class AnnealingParams(_Part):
     """The search of up to ``LargeParams.above`` segments, and of each region of larger instances."""
 
     batch: Count = 500
-    """Iterations of a start between two questions to the stop rule, 500 take some milliseconds. Fewer answer a stop
-    rule sooner; results are the same."""
+    """Iterations of a start between two checks of the stop rule; 500 take some milliseconds. Fewer react sooner to a
+    stop rule; results are the same."""
     first_cycle: Count = 4_000
     """Iterations of the first cycle from hot to cold; each further cycle is twice as long. A longer one finds better
-    plans where there is time for it, and nothing good before it ends."""
+    plans if there is enough time, but nothing good before it ends."""
     first_cycle_leaving_out: Count = 500
-    """The same, in iterations, where the first plan leaves something out, as after a loss.
+    """The same, in iterations, if the first plan leaves something out, as after a loss.
 
-    To find room for the rest is a question of luck as much as of length: several short cycles have the slowest
-    hundredth of all re-plans in half the time that it takes with one long first cycle."""
+    Finding room for the rest depends on luck as much as on length: with several short cycles the slowest hundredth of
+    all re-plans takes half the time that it takes with one long first cycle.
+    """
     hot: Above0 = 6.0
-    """Temperature at the begin of a cycle, in mean transits of the plan. A hotter one forgets more of the plan."""
+    """Start temperature of a cycle, in mean transits of the plan. A hotter one forgets more of the plan."""
     cold: Above0 = 0.01
-    """Temperature at the end of a cycle, in mean transits. A colder one takes no worse plan at the end."""
+    """End temperature of a cycle, in mean transits. A colder one accepts no worse plan at the end."""
     prize_weight: Above0 = 2.0
-    """What leaving a segment out costs the search, in routes of this segment alone."""
+    """Cost of leaving a segment out in the search, in energies of a route through this segment only."""
     slack: Share = 0.1
-    """How far beyond budgets a soft annealing may go on its way, as a share of them; no result does."""
+    """Amount by which a soft annealing may temporarily exceed budgets, as a share of them; no result does."""
     excess_weight: From0 = 1.0
-    """What a percent beyond a budget costs a soft annealing besides itself, in percent."""
+    """Additional cost of a percent beyond a budget in a soft annealing, in percent."""
     powers: Annotated[tuple[Power, ...], Field(min_length=1)] = (8.0, 16.0, 32.0)
-    """The p of the p-norm that stands for MinMax, one for each stage of an annealing: a low p sees the second largest
-    route too, a high one hardly anything but the largest."""
+    """Exponents p of the p-norm that approximates MinMax, one for each stage of an annealing: a low p includes the
+    second largest route, a high one hardly anything but the largest."""
 
     ASCENDING = (("cold", "hot"),)
 
@@ -84,16 +85,16 @@ class LargeParams(_Part):
     """The search of larger instances, region by region."""
 
     above: CountFrom0 = 500
-    """Segments up to which all routes are searched at once; above that no table of all moves is made. More need memory
-    as their square."""
+    """Maximum number of segments for a search over all routes at once; above that no table of all moves is made. More
+    need memory as their square."""
     region: Count = 300
-    """Segments of a region, about; two routes at least. Larger ones find better plans, later."""
+    """Approximate number of segments in a region of at least two routes. Larger ones find better plans, later."""
     region_routes: Annotated[Count, Field(ge=2)] = 24
-    """Routes of a region at most."""
+    """Maximum number of routes in a region."""
     spell: Count = 4_000
-    """Iterations that a region gets at a time: one annealing."""
+    """Iterations of a region at a time: one annealing."""
     hot: Above0 = 0.5
-    """Temperature at the begin of a spell, in mean transits. A low one keeps most of the plan."""
+    """Start temperature of a spell, in mean transits. A low one keeps most of the plan."""
 
 
 @dataclass(frozen=True, slots=True, config=CHECKED)
@@ -106,57 +107,57 @@ class ExactParams(_Part):
 
 @dataclass(frozen=True, slots=True, config=CHECKED)
 class WindowSearchParams(_Part):
-    """The search for the largest re-plan window: plans to begin with, then walks on the window itself."""
+    """The search for the largest re-plan window: initial plans, then walks on the window itself."""
 
     minmax_searches: Annotated[Count, Field(le=1_000)] = 2
-    """Searches for the MinMax plan, whose longest route is the measure."""
+    """Searches for the MinMax plan, whose longest route is the reference."""
     minmax_iterations: CountFrom0 = 20_000
-    """Iterations of each of them."""
+    """Iterations of each of these searches."""
     other_searches: FewFrom0 = 8
     """Searches for the other costs before the first walk; another follows whenever a walk has long found nothing."""
     other_iterations: CountFrom0 = 10_000
-    """Iterations of each of them."""
+    """Iterations of each of these searches."""
     full_effort_from: Count = 40
-    """Segments below which searches for plans to begin with are shorter, in proportion."""
+    """Number of segments below which searches for initial plans are shorter, in proportion."""
     most_flipped: Annotated[CountFrom0, Field(le=16)] = 6
-    """Vehicles up to which all orientations of the routes are tried: 2 to the power of their number."""
+    """Maximum number of vehicles for which all orientations of the routes are tried: 2 to the power of their number."""
     probes: Annotated[Count, Field(ge=2, le=256)] = 8
-    """Times at which losses are looked at in a walk: the aim, and those at which windows broke although the aim held.
-    More cost time in each iteration and are wrong less often."""
+    """Times at which a walk evaluates losses: the aim, and those at which windows broke although the aim held. More
+    cost time in each iteration and are wrong less often."""
     look: Count = 1_000
-    """Iterations of ruin and recreate for a loss when a plan's whole window is looked at."""
+    """Iterations of ruin and recreate per loss when a plan's whole window is evaluated."""
     follow: Count = 20
-    """The same in a walk, where the repair follows another."""
+    """The same in a walk, where the repair follows another one."""
     whole_look: Count = 25
-    """Iterations that a look at a whole window counts as, so that the stop rule is asked often enough."""
+    """Iterations that the evaluation of a whole window counts as, so that the stop rule is checked often enough."""
     batch: Count = 250
-    """Iterations of each walk between two questions to the stop rule, when walks share what they found."""
+    """Iterations of each walk between two checks of the stop rule, when walks share their results."""
     cycle: Count = 4_000
-    """Iterations of a walk from hot to cold at least: every second round of steps in vain is followed by one of cycles
-    four times as long, every fourth by one of cycles sixteen times as long, and so on. Small fleets need many
-    beginnings, large ones long walks (after Luby, Sinclair, Zuckerman 1993)."""
+    """Minimum iterations of a walk from hot to cold: every second failed round of steps is followed by one of cycles
+    four times as long, every fourth by one of cycles sixteen times as long, and so on. Small fleets need many restarts,
+    large ones long walks (after Luby, Sinclair, Zuckerman 1993)."""
     longest_cycle: Count = 256_000
-    """The same at most."""
+    """Maximum iterations of a walk from hot to cold."""
     ways: Annotated[tuple[tuple[Share, Share], ...], Field(min_length=1)] = ((0.0, 1.0), (0.8, 0.1))
-    """How cycles go in turn: (how often a change is made early in the plan, how often a repair is worked on whose loss
-    the change does not touch), as shares. The first brings repairs to their best where they are long, the second tries
-    more plans."""
+    """Settings that cycles use in turn: (share of changes made early in the plan, share of repairs improved although
+    the change does not affect their loss). The first setting optimises repairs if these are long, the second tries more
+    plans."""
     hot: Above0 = 2.0
-    """Temperature at the begin of the shortest cycle, in mean transits of its plan; longer ones begin hotter."""
+    """Start temperature of the shortest cycle, in mean transits of its plan; longer ones begin hotter."""
     cold: Above0 = 0.05
-    """Temperature at the end of a cycle, in mean transits."""
+    """End temperature of a cycle, in mean transits."""
     nearly: From0 = 3.0
-    """Mean transits that repairs may lack at the end of a cycle to be looked at once more, with more effort."""
+    """Mean transits that repairs may lack at the end of a cycle for a second attempt with more effort."""
     first_step: ShareAbove0 = 0.06
-    """How far below the earliest time so far a walk aims at first, as a share of the longest route."""
+    """First step by which a walk aims below the earliest time so far, as a share of the longest route."""
     last_step: ShareAbove0 = 0.01
-    """The same in the end: a step is halved while it is longer."""
+    """Smallest step, in the same unit: a longer step is halved."""
     rise: From0 = 0.03
-    """How much more energy a plan may use than the one before it, as a share of the first plan's."""
+    """Maximum energy increase from one plan to the next, as a share of the first plan's energy."""
     elite: Count = 4
-    """The best plans so far, from which walks begin in turn."""
+    """Number of best plans so far from which walks begin in turn."""
     finalists: Count = 4
-    """The best plans, whose windows are computed in full in the end."""
+    """Number of best plans whose windows are fully computed at the end."""
     front_round: Count = 150_000
     """Iterations for each stretch in the first round of ``front``; each further round has half as many again."""
 
@@ -165,7 +166,7 @@ class WindowSearchParams(_Part):
 
 @dataclass(frozen=True, slots=True, config=CHECKED)
 class SearchParams:
-    """All that the searches are tuned by."""
+    """All tuning parameters of the searches."""
 
     annealing: AnnealingParams = AnnealingParams()
     large: LargeParams = LargeParams()
@@ -183,4 +184,4 @@ class SearchParams:
 
 
 DEFAULT_PARAMS = SearchParams()
-"""What every search uses that is not told otherwise."""
+"""Default of every search."""

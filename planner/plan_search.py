@@ -1,8 +1,8 @@
-"""The search for the routes of a single flight, with instances and plans as the kernels' arrays.
+"""The search for the routes of a single flight, with instances and plans as kernel arrays.
 
-While the best plan leaves something out, every second cycle is soft: it may pass through routes beyond their budgets.
-Where budgets just suffice that finds the complete plan five times as often; where they do not it finds nothing, so
-the hard cycles between choose what to leave out.
+While the best plan leaves something out, every second cycle is soft: it may temporarily exceed budgets. If budgets just
+suffice, that finds the complete plan five times as often; if they do not, it finds nothing, so the hard cycles in
+between choose what to leave out.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PlanStart(SearchStart[State]):
     def __init__(self, problem: Problem, truth: Weights, first: State, rng: RandomState) -> None:
         super().__init__((copy_state(first), copy_state(first), copy_state(first)), copy_all, rng)
         self.key = np.array([uncovered_value(problem, first)[0], compute_objective(problem, truth, first)])
-        """(2,) float64: the value that the best plan leaves out, then the cost function's: less is better."""
+        """(2,) float64: the value that the best plan leaves out, then its cost: less is better."""
         self._problem = problem
         self._truth = truth
         self._memory = allocate(SearchWorkspace, k=len(problem.budget), n=len(problem.value))
@@ -37,7 +37,7 @@ class PlanStart(SearchStart[State]):
 
     @property
     def rank(self) -> list[float]:
-        """The key."""
+        """Return the key."""
         ranked: list[float] = self.key.tolist()
         return ranked
 
@@ -57,7 +57,7 @@ class PlanStart(SearchStart[State]):
 
 
 class PlanSearch(AnnealingSearch[PlanStart]):
-    """One search; ``run`` is all that there is to call."""
+    """One search; call only ``run``."""
 
     def __init__(
         self,
@@ -87,12 +87,12 @@ class PlanSearch(AnnealingSearch[PlanStart]):
         )  # fmt: skip
 
     def run(self, stop: StopRule) -> Result:
-        """Improve until ``stop`` says so."""
+        """Improve the plan until ``stop`` ends the search."""
         reason = self._run_rounds(stop)
         return self._build_result(self._plan, self._evaluation, reason)
 
     def _build_cycle(self, before: Cycle | None) -> Cycle:
-        """Return a cycle twice as long as the one before; after a soft one a hard one of its length."""
+        """Return a cycle twice as long as the one before; after a soft one, a hard one of the same length."""
         best, params, was_soft = self._leader.best, self._params, self._soft
         self._soft = not was_soft and self._impossible is None and bool((best.route_of < 0).any())
         self._scale = float(best.loads.max())
@@ -100,7 +100,7 @@ class PlanSearch(AnnealingSearch[PlanStart]):
             length = params.first_cycle_leaving_out if self._soft else params.first_cycle
         else:
             length = before.length if was_soft else 2 * before.length
-        # The mean energy that the best plan spends from visit to visit, inspections not counted.
+        # The mean energy of the best plan's transits, inspections excluded.
         covered = best.route_of >= 0
         moves = int(covered.sum()) + int((best.lengths > 0).sum())
         transit = float(best.loads.sum() - self._inspections[covered].sum()) / max(1, moves)
@@ -126,19 +126,19 @@ class PlanSearch(AnnealingSearch[PlanStart]):
 
 
 NEAREST = 128
-"""How many neighbours of a segment are listed for the removal of strings."""
+"""Number of neighbours listed for each segment, for the removal of strings."""
 
 
 def build_kernel_problem(instance: Instance) -> Problem:
-    """Return the instance's energies as the kernels take them."""
+    """Return the instance's energies as kernel arrays."""
     fleet, segments = len(instance.vehicles), instance.segments
     alone = (instance.start_pct + instance.home_pct).reshape(fleet, segments, 2)
     effort = alone.min(axis=(0, 2))
-    # A plan that leaves out a segment without length is still worse than one that does not.
+    # A plan that leaves out a segment of zero length is still worse than one that does not.
     value = instance.value + 1e-6 * (float(instance.value.mean()) or 1.0)
     worth = value * float(np.median(effort / value))
     move = np.ascontiguousarray(instance.moves.tabulate().table_pct)
-    # For each vehicle the one before it that differs in nothing but its name, or -1.
+    # For each vehicle an earlier one that differs only in its name, or -1.
     before: dict[object, int] = {}
     twins = np.full(len(instance.vehicles), -1, dtype=np.int64)
     for number, vehicle in enumerate(instance.vehicles):
@@ -154,7 +154,7 @@ def build_kernel_problem(instance: Instance) -> Problem:
         home=np.array(instance.home_pct, dtype=np.float64, order="C"),
         idle=np.array(instance.idle_pct, dtype=np.float64),
         consumption=np.array([vehicle.consumption for vehicle in instance.vehicles], dtype=np.float64),
-        # Half the tolerance: the kernels add the same figures in another order than evaluate.py.
+        # Half the tolerance: the kernels add the same figures in a different order from evaluate.py.
         budget=np.array([vehicle.budget_pct for vehicle in instance.vehicles]) + BUDGET_TOLERANCE_PCT / 2,
         value=value,
         prize=np.maximum(worth, effort) + 1e-6,
@@ -179,11 +179,11 @@ def build_guide_weights(
     Args:
         problem: the instance.
         cost: the cost function.
-        params: of the search.
-        scale: about the largest load, for the p-norm.
-        all_vehicles: whether routes without a visit are to be avoided.
-        power: the p of the p-norm.
-        soft: whether the search may pass through routes beyond their budgets.
+        params: parameters of the search.
+        scale: approximate largest load, for the p-norm.
+        all_vehicles: whether to avoid routes without a visit.
+        power: exponent p of the p-norm.
+        soft: whether routes may temporarily exceed their budgets.
     """
     return Weights(
         total=0.02 if cost.function.is_longest_only else cost.function.total,
@@ -199,7 +199,7 @@ def build_guide_weights(
 
 
 def build_true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> Weights:
-    """Return the cost function itself; among plans of equal MinMax the one that uses less is better."""
+    """Return the weights of the cost function itself; ties in MinMax are broken by the total energy."""
     return Weights(
         total=1e-6 if cost.function.is_longest_only else cost.function.total,
         peak=cost.function.peak_weight(len(problem.budget)),
@@ -208,7 +208,7 @@ def build_true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> W
 
 
 def build_empty_state(problem: Problem) -> State:
-    """Return the state in which nobody visits anything."""
+    """Return the state in which no route has a visit."""
     fleet = len(problem.budget)
     state = allocate(State, k=fleet, n=len(problem.value))
     state.route_of[:] = -1
@@ -218,7 +218,7 @@ def build_empty_state(problem: Problem) -> State:
 
 
 def build_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
-    """Return the state of routes given as visits, budgets or not."""
+    """Return the state of routes given as visits, whether or not they exceed their budgets."""
     state = build_empty_state(problem)
     for route, visits in enumerate(routes):
         set_route(problem, state, route, visits)
@@ -226,9 +226,9 @@ def build_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
 
 
 def build_kernel_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
-    """Return the state of routes given as visits; routes over budget lose visits until they hold.
+    """Return the state of routes given as visits; routes over budget lose visits until they fit.
 
-    What goes first is the visit that spares most energy for its value.
+    Removes the visit with the largest energy saving per value first.
     """
     state = build_state(problem, routes)
     for route in range(len(state.lengths)):
@@ -245,7 +245,7 @@ def build_first_state(
     *,
     all_vehicles: bool = False,
 ) -> State:
-    """Return the state that keeps ``routes`` and inserts by regret what they leave open, all within the budgets."""
+    """Return the state that keeps ``routes`` and inserts open segments by regret, all within the budgets."""
     state = build_kernel_state(problem, routes)
     scale = float(problem.effort.max())
     weights = build_guide_weights(problem, cost, params, scale=scale, all_vehicles=all_vehicles, power=params.powers[0])
@@ -269,7 +269,7 @@ def copy_state(state: State) -> State:
 
 
 def build_random_state(seed: int) -> RandomState:
-    """Return the kernels' random state for a seed: splitmix64, so that near seeds start far apart."""
+    """Return the kernels' random state for a seed: splitmix64, so that similar seeds start far apart."""
     mask = 2**64 - 1
     mixed = (seed + 0x9E3779B97F4A7C15) & mask
     mixed = ((mixed ^ (mixed >> 30)) * 0xBF58476D1CE4E5B9) & mask
@@ -278,7 +278,7 @@ def build_random_state(seed: int) -> RandomState:
 
 
 def set_route(problem: Problem, state: State, route: int, visits: Sequence[int]) -> None:
-    """Have a route make these visits, and measure it."""
+    """Set the visits of a route, and measure it."""
     state.route_of[state.route_of == route] = -1
     state.visits[route, : len(visits)] = visits
     state.lengths[route] = len(visits)
@@ -298,18 +298,18 @@ def _drop_one(problem: Problem, state: State, route: int) -> None:
 
 
 def _empty_route_weight(problem: Problem) -> float:
-    """Return more than any first visit of a vehicle costs."""
+    """Return a weight larger than the cost of any vehicle's first visit."""
     return 2 * float((problem.start + problem.home).max(initial=0.0)) + 1
 
 
 def _find_nearest_segments(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
-    """Return (n, m) int64, for each segment itself and the nearest others by the least transit between them."""
+    """Return (n, m) int64: each segment followed by its nearest others, by the least transit between them."""
     segments = len(move) // 2
-    # As a `min` over two axes this takes ten times as long, and a re-plan waits for it.
+    # A `min` over two axes takes ten times as long, and a re-plan waits for it.
     by_end = np.minimum(move[:, 0::2], move[:, 1::2])
     between = np.minimum(by_end[0::2], by_end[1::2])
     np.fill_diagonal(between, np.inf)
-    # The move into j contains j's inspection; what is common to all moves into j says nothing about nearness.
+    # The move into j contains j's inspection; what all moves into j have in common is irrelevant to nearness.
     if segments > 1:
         between = between - between.min(axis=0)
     between = np.minimum(between, between.T)

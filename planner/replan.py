@@ -1,13 +1,12 @@
-"""A vehicle is lost: what is left, who is left to do it, the plan for that, and whether it is worth new missions.
+"""Re-plan after a loss: the remaining problem, the survivors, their plan, and whether it is worth new missions.
 
-Every visit that the lost vehicle has not finished is open again, the one under way included. Each survivor finishes
-the visit that it is on or flying to when it is given the re-plan, ``Instance.answer_s`` after the loss, then starts
-from there with its budget less what it will have spent. A survivor that has landed, or is on its way home, may fly
-again from the landing place with what it then has left. What the lost vehicle alone was given, anybody may be given
-then; what others alone are stays theirs.
+Every visit that the lost vehicle has not finished is open again, including the one under way. Each survivor finishes
+the visit that it is on or flying to when it receives the re-plan, ``Instance.answer_s`` after the loss, then starts
+from there with its budget less its energy spent by then. A survivor that has landed, or is returning, may fly again
+from the landing place with its remaining energy. Locks of the lost vehicle are lifted; other locks remain.
 
-What everybody carries is a plan to compare a re-plan with: an answer that is worse is none. More covered first, by
-number and by value, then the longest route. What the first plan left out counts after all else.
+A re-plan is compared with the plan that the vehicles have on board, and rejected if it is worse. Coverage decides
+first, by number and by value, then the longest route. What the first plan left out counts last.
 """
 
 from __future__ import annotations
@@ -47,50 +46,50 @@ from planner.solve import check_routes, check_tails, solve
 from planner.stop_rules import StopRule
 
 SAME_TIME_S = 1e-9
-"""A visit that ends this little after the loss has ended."""
+"""Time tolerance: a visit that ends within it after the loss counts as ended."""
 SAME_S = 5.0
-"""Longest routes that differ by no more are as long as each other: nobody is given a new mission for that."""
+"""Tolerance for equal longest routes: a smaller gain is not worth a new mission."""
 SAME_SHARE = 0.5
-"""Of a mean segment's value: as many segments that are worth no more beyond others than this are worth as much."""
+"""Share of a mean segment's value: with equally many segments, a smaller difference in value counts as none."""
 SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class FreeVehicle:
-    """A vehicle that goes on, with the part of its route that stands."""
+    """A vehicle that continues, with the fixed part of its route."""
 
     vehicle: int
     """Its number in the original instance."""
     completed: tuple[int, ...]
     """Visits that have ended, in the original numbering."""
     finishing: int | None
-    """The visit that it is on or flying to and finishes first; None if its route holds no further one."""
+    """The visit that it is on or flying to and finishes first; None if its route has no further one."""
     tail: tuple[int, ...]
     """The visits after that, open for the re-plan."""
     free_s: float
-    """When it can begin its new route, in seconds from the start of the original plan."""
+    """Start of its new route, in seconds from the start of the original plan."""
     spent_pct: float
-    """What it will have spent by then."""
+    """Energy spent by then."""
     budget_left_pct: float
-    """What it may spend from then on, at least 0; 0 for one that must not fly again."""
+    """Energy limit from then on, at least 0; 0 for a vehicle that must not fly again."""
 
 
 @dataclass(frozen=True, slots=True)
 class RemainingProblem:
-    """What a loss leaves."""
+    """The problem that remains after a loss."""
 
     lost: int
     at_s: float
     completed: tuple[int, ...]
     """The lost vehicle's visits that had ended, in the original numbering."""
     survivors: tuple[FreeVehicle, ...]
-    """In the order of the reduced instance's vehicles."""
+    """Survivors in the order of the reduced instance's vehicles."""
     open_segments: tuple[int, ...]
     """The reduced instance's segments, in the original numbering."""
     instance: Instance
     """The reduced instance: survivors only, each starting where and when it becomes free."""
     warm: Plan
-    """A plan for it: the survivors' tails, what else is open inserted by regret within the budgets."""
+    """A plan for it: the survivors' tails, with other open segments inserted by regret within the budgets."""
 
     def original_visit(self, visit: int) -> int:
         """Return a visit of the reduced instance in the original numbering."""
@@ -100,17 +99,17 @@ class RemainingProblem:
 def build_remaining_problem(
     instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_again: bool = True
 ) -> RemainingProblem:
-    """Return what is left when vehicle ``lost`` is lost ``at_s`` seconds after the plan's start.
+    """Return the problem that remains when vehicle ``lost`` is lost ``at_s`` seconds after the plan's start.
 
     Args:
-        instance: of the plan.
-        plan: as flown until then; what it leaves uncovered is open too.
+        instance: the instance of the plan.
+        plan: the plan as flown until then; what it leaves uncovered is open too.
         lost: the number of the lost vehicle.
         at_s: seconds since all routes of the plan began.
-        fly_again: whether vehicles on the ground or on their way home may fly (again).
+        fly_again: whether vehicles that are on the ground or returning may fly (again).
 
     Raises:
-        PlanError: the plan is not one for the instance, the vehicle or time does not exist, or nobody survives.
+        PlanError: the plan does not match the instance, the vehicle or time does not exist, or no vehicle survives.
     """
     check_routes(instance, plan)
     if not 0 <= lost < len(plan.routes):
@@ -131,7 +130,7 @@ def build_remaining_problem(
 def find_survivors(
     instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_again: bool
 ) -> tuple[tuple[int, ...], tuple[FreeVehicle, ...], tuple[int, ...]]:
-    """Return the lost vehicle's visits that have ended, who goes on, and the segments that are open."""
+    """Return the lost vehicle's completed visits, the survivors, and the open segments."""
     until_s, others = at_s + instance.answer_s, [route for route in plan.routes if route.vehicle != lost]
     survivors = tuple(_build_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
     ends_s = completion_times_s(instance, plan.routes[lost])
@@ -146,12 +145,12 @@ def find_survivors(
 
 
 def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
-    """Return a plan that keeps ``tails`` and inserts by regret what they leave open, all within the budgets.
+    """Return a plan that keeps ``tails`` and inserts open segments by regret, all within the budgets.
 
     Args:
-        instance: the problem, as a rule a reduced one.
-        tails: the visits that each vehicle already has, in the numbering of ``instance``. What a budget no longer
-            carries is taken out of a tail.
+        instance: the problem, usually a reduced one.
+        tails: the visits that each vehicle already has, in the numbering of ``instance``. Visits that no longer fit
+            into a budget are removed from the tail.
 
     Raises:
         PlanError: the tails do not belong to the instance.
@@ -159,17 +158,17 @@ def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
     check_tails(instance, tails)
     if instance.segments == 0:
         return Plan(tuple(Route(vehicle, ()) for vehicle in range(len(tails))))
-    # Only here, as in solve.py: it loads numba.
+    # Imported here, as in solve.py: it loads numba.
     from planner.plan_search import build_first_state, build_kernel_problem, build_plan
 
     return build_plan(build_first_state(build_kernel_problem(instance), Cost.MINSUM, tails))
 
 
 def replan(instance: Instance, *, warm: Plan, cost: Cost = Cost.MINCOMB, stop: StopRule, seed: int = 0) -> Result:
-    """Return the best plan found for a reduced instance, beginning with a warm plan.
+    """Return the best plan found for a reduced instance, starting from a warm plan.
 
-    Where necessary conditions show that not everything can be inspected, ``Result.impossible`` says why and a stop
-    rule ``FirstFeasible`` ends at once; other rules let the search go on for the most valuable part.
+    If necessary conditions show that not everything can be inspected, ``Result.impossible`` gives the reason and a stop
+    rule ``FirstFeasible`` ends at once; with other rules the search continues for the most valuable part.
 
     Raises:
         PlanError: ``warm`` is not a plan for the instance.
@@ -195,19 +194,19 @@ def _build_survivor(instance: Instance, route: Route, at_s: float, *, fly_again:
 
 @dataclass(frozen=True, slots=True)
 class RouteStart:
-    """Where a vehicle's route starts: the vehicle, its rows over all original visits, its way home from there."""
+    """Start of a vehicle's route: the vehicle, its moves to all original visits, and its return from there."""
 
     vehicle: Vehicle
     row: FloatArray
     """(2, 2n) float64: seconds and percent."""
     idle: FloatArray
-    """(2,) float64: the same."""
+    """(2,) float64: seconds and percent."""
 
 
 def reduce_instance(
     instance: Instance, fleet: Sequence[int], segments: Sequence[int], starts: Sequence[RouteStart]
 ) -> Instance:
-    """Return some vehicles and segments of an instance, each vehicle with a start of its own."""
+    """Return some vehicles and segments of an instance, each vehicle with a new start."""
     visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
     return replace(
         build_part_instance(instance, fleet, segments),
@@ -220,7 +219,7 @@ def reduce_instance(
 
 
 def build_survivor_start(instance: Instance, survivor: FreeVehicle) -> RouteStart:
-    """Return where a survivor's next route starts: from the end of a visit, its own start or the landing place."""
+    """Return the start of a survivor's next route: the end of a visit, its own start or the landing place."""
     number, visit = survivor.vehicle, survivor.finishing
     profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
@@ -250,35 +249,35 @@ class OnboardPlan:
 
     plan: Plan
     short: tuple[int, ...]
-    """Vehicles whose budgets do not last for all that they carry: theirs ends with the last visit that they do."""
+    """Vehicles whose budgets do not cover their whole route: it ends after the last visit that fits."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRating:
-    """What a plan is compared by."""
+    """The figures by which plans are compared."""
 
     segments: int
-    """Covered, without those to spare."""
+    """Number of covered segments, spare ones excluded."""
     value: float
-    """Of them."""
+    """Value of these segments."""
     spare_segments: int
     spare_value: float
     grain: float
-    """What a difference in value must be more than."""
+    """Smallest difference in value that counts."""
     longest_s: float
     largest_pct: float
 
 
 def grant_onboard_budgets(instance: Instance, tails: Sequence[Sequence[int]], most_pct: Sequence[float]) -> Instance:
-    """Return the instance with budgets by which vehicles may go on with what they carry.
+    """Return the instance with budgets that let vehicles continue the routes on board.
 
-    Budgets are for planning, and rounded down: a vehicle that spends a little more with what it has on board flies on
-    with it, as long as its battery lasts for all of it.
+    Budgets are for planning, and rounded down: a vehicle that exceeds its budget a little with its route on board
+    continues as long as its battery lasts for the whole route.
 
     Args:
         instance: the problem.
         tails: the visits that each vehicle has on board.
-        most_pct: what the battery of each gives at most.
+        most_pct: the maximum energy of each vehicle's battery.
     """
     vehicles = []
     for number, (vehicle, tail, most) in enumerate(zip(instance.vehicles, tails, most_pct, strict=True)):
@@ -289,7 +288,7 @@ def grant_onboard_budgets(instance: Instance, tails: Sequence[Sequence[int]], mo
 
 
 def build_onboard_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> OnboardPlan:
-    """Return the plan of everybody going on with what is on board.
+    """Return the plan in which all vehicles continue with their routes on board.
 
     Raises:
         PlanError: the tails do not belong to the instance.
@@ -303,12 +302,12 @@ def build_onboard_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> On
 
 
 def rate_plan(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> PlanRating:
-    """Return what a plan is compared by.
+    """Return the figures by which a plan is compared.
 
     Args:
-        instance: of the plan.
-        plan: within its budgets.
-        spare: segments that count only where all else is equal.
+        instance: the instance of the plan.
+        plan: a plan within its budgets.
+        spare: segments that only break ties.
     """
     covered = {segment_of(visit) for route in plan.routes for visit in route.visits}
     own, extra = sorted(covered - set(spare)), sorted(covered & set(spare))
@@ -321,7 +320,7 @@ def rate_plan(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> Pl
 
 
 def is_better_rating(one: PlanRating, other: PlanRating) -> bool:
-    """Return whether one plan is better than another, and worse in nothing that comes before."""
+    """Return whether one plan is better than another in some figure and not worse in any figure before it."""
     if one.segments < other.segments or one.value < other.value - SAME:
         return False
     if one.segments > other.segments or one.value > other.value + one.grain + SAME:
@@ -334,13 +333,13 @@ def is_better_rating(one: PlanRating, other: PlanRating) -> bool:
 
 
 def select_best_plan(instance: Instance, carried: Plan, others: Iterable[Plan], spare: Collection[int] = ()) -> Plan:
-    """Return the best of some plans: what is carried unless another one is better.
+    """Return the best of some plans: the carried one unless another is better.
 
     Args:
-        instance: of them all.
-        carried: what is flown without a re-plan.
-        others: what might be flown instead, the most wanted first.
-        spare: segments that count only where all else is equal.
+        instance: the instance of all plans.
+        carried: the plan that is flown without a re-plan.
+        others: alternative plans, in order of preference.
+        spare: segments that only break ties.
     """
     best, best_worth = carried, rate_plan(instance, carried, spare)
     for plan in others:
@@ -351,7 +350,7 @@ def select_best_plan(instance: Instance, carried: Plan, others: Iterable[Plan], 
 
 
 def _trim_to_budget(instance: Instance, vehicle: int, tail: tuple[int, ...]) -> tuple[int, ...]:
-    """Return as much of a route, from its beginning, as a vehicle's budget lasts for, its way home included."""
+    """Return the longest first part of a route that fits into a vehicle's budget, its return included."""
     budget_pct = instance.vehicles[vehicle].budget_pct
     kept = tail
     while kept and budget_excess_pct(route_energy_pct(instance, Route(vehicle, kept)), budget_pct) > 0:

@@ -1,20 +1,19 @@
-"""The chance that everything gets inspected: many flights of a plan with losses by chance, re-planned or not.
+"""Estimate the probability that everything is inspected from many flights with random losses, re-planned or not.
 
-The model. A vehicle in the air is lost after a time that is exponential with the mean time between failures; on the
-ground nothing happens to it, and one that flies again goes on where its flight hours ended. What a vehicle truly uses
-is its planned consumption times a factor, normal about 1 and the same for the whole flight; when that has used up its
-budget and its reserve, it is lost too. Between the ends of visits energy is taken to be used evenly.
+The model. A vehicle in the air is lost after an exponentially distributed time with the mean time between failures; on
+the ground it cannot fail, and if it flies again its flight hours continue. A vehicle's true consumption is its planned
+consumption times a factor, normal about 1 and constant for the whole flight; when its budget and its reserve are used
+up, it is lost too. Between the ends of visits energy is assumed to be used evenly.
 
-A loss that leaves no visit unfinished costs nothing. After any other the survivors get a new plan, at once, from where
-they are by `planner.build_remaining_problem`; if no plan inspects everything, there is no further re-plan, and whatever
-a lost vehicle has not finished stays undone, then and later. Re-plans count with the planned consumption, not with the
-true one: the reserve is there for the difference, and whether a loss can be repaired then depends on nothing but who
-was lost in which interval between the ends of visits. All flights that share this share one re-plan.
+A loss that leaves no visit unfinished costs nothing. After any other the survivors get a new plan at once, from their
+positions by `planner.build_remaining_problem`; if no plan inspects everything, there is no further re-plan, and
+whatever a lost vehicle has not finished stays open, then and later. Re-plans use the planned consumption, not the true
+one: the reserve covers the difference, so whether a loss can be repaired depends only on the lost vehicle and the
+interval between the ends of visits. All flights with the same vehicle and interval share one re-plan.
 
-A fleet under way after any number of losses is a state: who still flies what, from when, and with what left.
-``build_remaining_problem`` looks at one loss of a plan that begins everywhere at once. Here the answer to a loss
-becomes a state that can lose a vehicle itself: routes go on from the launch of the first plan, so that one clock counts
-for all of them.
+A fleet's state after any number of losses holds the vehicles that still fly, their visits, start times and remaining
+energy. ``build_remaining_problem`` handles one loss of a plan in which all routes begin at once. Here the plan after a
+loss becomes a state that can lose another vehicle: all times are counted from the launch of the first plan.
 """
 
 from __future__ import annotations
@@ -44,13 +43,13 @@ from planner.stop_rules import FirstFeasible, Iterations, combine_stop_rules
 from planner.window import EFFORT, event_times_s, iterate_losses
 
 FLIGHTS_PER_CHUNK = 10_000
-"""So many flights share their re-plans; more chunks keep more processors busy."""
+"""Flights that share their re-plans; more chunks keep more processors busy."""
 TIME_BINS = 10
-"""Parts of the longest route's time by which failures are counted."""
+"""Number of parts of the longest route's duration by which failures are counted."""
 RESERVE_PCT = 15.0
-"""Share of a full battery that is never planned with, where nobody says another."""
+"""Default share of a full battery that is never planned with."""
 Z_95 = 1.959963984540054
-"""Between minus and plus this lie 95 % of a standard normal."""
+"""Quantile of the standard normal: 95 % lie between minus and plus this."""
 
 IntArray = npt.NDArray[np.int64]
 
@@ -66,39 +65,39 @@ class ProbabilityEstimate:
 
 @dataclass(frozen=True, slots=True)
 class RiskCampaign:
-    """What all flights have in common."""
+    """Settings that all flights have in common."""
 
     instance: Instance
     plan: Plan
     table: tuple[LossRow, ...] = field(repr=False)
-    """Which first losses can be repaired, and how."""
+    """The first losses and their repairs."""
     mtbf_h: tuple[float, ...]
-    """Mean flight hours between failures of one vehicle; each value is flown with the same chance."""
+    """Mean flight hours between failures of one vehicle; every value uses the same random numbers."""
     battery_spread_pct: float
     """Standard deviation of the true consumption, in percent of the planned."""
     reserve_pct: float
-    """What a vehicle has beyond its budget before it falls, in percent of a full battery."""
+    """Energy of a vehicle beyond its budget before it falls, in percent of a full battery."""
     max_losses: int
-    """So many losses are re-planned at most; one more is not."""
+    """Maximum number of losses that are re-planned."""
     effort: int
-    """Iterations at most for one re-plan."""
+    """Maximum iterations of one re-plan."""
     fly_again: bool = True
-    """Whether vehicles that have landed may fly again after a loss."""
+    """Whether landed vehicles may fly again after a loss."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightChunk:
-    """A part of the flights with chance of its own, so that it does not matter where and when it is flown."""
+    """A part of the flights with its own random numbers, so results do not depend on the process and order."""
 
     flights: int
     seed: np.random.SeedSequence
     first: int = 0
-    """The number of the first of them."""
+    """Number of its first flight."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChunkTally:
-    """What a chunk counted for one mean time between failures."""
+    """Counts of a chunk for one mean time between failures."""
 
     flights: int
     finished: tuple[int, ...]
@@ -108,38 +107,38 @@ class ChunkTally:
     losses: tuple[int, ...]
     """Flights with 0, 1, ... losses, re-planned as often as allowed."""
     failures: tuple[tuple[int, ...], ...]
-    """For each vehicle and each part of the longest route's time, flights in which its loss was not repaired."""
+    """For each vehicle and each part of the longest route's duration, flights in which its loss was not repaired."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorstLoss(CriticalLoss):
     """The vehicle and the time whose losses are most often not repaired.
 
-    Losses after the longest route's time count for its last part.
+    Losses after the longest route's end count for its last part.
     """
 
     share: float
-    """Of all failures."""
+    """Share of all failures."""
 
 
 @dataclass(frozen=True, slots=True)
 class RiskEstimate:
-    """The answer for one mean time between failures."""
+    """The estimate for one mean time between failures."""
 
     mtbf_h: float
     flights: int
     finished: tuple[ProbabilityEstimate, ...]
-    """That everything is inspected with at most 0, 1, ... re-plans."""
+    """Probability that everything is inspected with at most 0, 1, ... re-plans."""
     undone_m: tuple[float, ...]
     """Expected metres left uninspected with at most 0, 1, ... re-plans."""
     expected_losses: float
-    """Of a flight that is re-planned as often as allowed, as all that follows."""
+    """Expected losses in a flight that is re-planned as often as allowed, as for all fields below."""
     losses_share: tuple[float, float, float]
-    """Of the flights, those with none, with one, and with more."""
+    """Share of flights with no loss, with one, and with more."""
     blame_share: tuple[float, ...]
-    """For each vehicle, the share of the failures in which its loss was the one that was not repaired."""
+    """For each vehicle, the share of failures in which its loss was the one that was not repaired."""
     worst: WorstLoss | None
-    """None without a failure."""
+    """The most frequent failure; None without a failure."""
 
 
 def build_risk_campaign(
@@ -153,11 +152,11 @@ def build_risk_campaign(
     effort: int = EFFORT,
     fly_again: bool = True,
 ) -> RiskCampaign:
-    """Return what is to be flown; it looks at every first loss once (``planner.iterate_losses``).
+    """Return the settings of all flights; checks every first loss once (``planner.iterate_losses``).
 
     Raises:
         InstanceError: a figure is out of its range.
-        PlanError: the plan is not one for the instance, or does not inspect everything within its budgets.
+        PlanError: the plan does not match the instance, or does not inspect everything within its budgets.
     """
     if not mtbf_h or not all(math.isfinite(hours) and hours > 0 for hours in mtbf_h):
         raise InstanceError(f"mean time between failures is {list(mtbf_h)} h, expected more than zero")
@@ -182,7 +181,7 @@ def split_flights(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK
     """Return ``flights`` in chunks, each with its own seed.
 
     Raises:
-        InstanceError: there is no flight.
+        InstanceError: there are no flights.
     """
     if flights < 1:
         raise InstanceError(f"flights is {flights}, expected one or more")
@@ -194,7 +193,7 @@ def split_flights(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK
 
 
 def simulate_chunk(campaign: RiskCampaign, chunk: FlightChunk) -> tuple[ChunkTally, ...]:
-    """Return what a chunk counts, for each ``campaign.mtbf_h``; the same wherever it is flown."""
+    """Return the counts of a chunk for each ``campaign.mtbf_h``; they do not depend on the process that runs it."""
     log = _FlightLog.draw(campaign, chunk)
     state = build_state_before_losses(campaign.instance, campaign.plan)
     everybody = np.arange(len(log.life_s))
@@ -208,7 +207,7 @@ def simulate_chunk(campaign: RiskCampaign, chunk: FlightChunk) -> tuple[ChunkTal
 
 
 def estimate_risks(campaign: RiskCampaign, tallies: Sequence[Sequence[ChunkTally]]) -> tuple[RiskEstimate, ...]:
-    """Return the answers for each ``campaign.mtbf_h`` from the tallies of all chunks, in the chunks' order."""
+    """Return the estimates for each ``campaign.mtbf_h`` from the tallies of all chunks, in the chunks' order."""
     return tuple(
         _estimate_risk(campaign, hours, [tally[number] for tally in tallies])
         for number, hours in enumerate(campaign.mtbf_h)
@@ -216,7 +215,7 @@ def estimate_risks(campaign: RiskCampaign, tallies: Sequence[Sequence[ChunkTally
 
 
 def estimate_probability(successes: int, flights: int) -> ProbabilityEstimate:
-    """Return a share with its 95 % interval (Wilson 1927), which also holds for shares near 0 and 1.
+    """Return a share with its 95 % interval (Wilson 1927), which is also valid for shares near 0 and 1.
 
     >>> estimate_probability(10, 10).low
     0.7224672001371107
@@ -229,7 +228,7 @@ def estimate_probability(successes: int, flights: int) -> ProbabilityEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _FlightLog:
-    """Chance and fate of each flight; those of one mean time between failures beside each other."""
+    """Random numbers and outcome of each flight; those of one mean time between failures are stored together."""
 
     life_s: FloatArray
     """(flights, k): flight seconds after which a vehicle fails."""
@@ -248,7 +247,7 @@ class _FlightLog:
         chance = np.random.default_rng(chunk.seed)
         shape, values = (chunk.flights, len(campaign.plan.routes)), len(campaign.mtbf_h)
         life = chance.standard_exponential(shape)
-        # Of consumption, normal about 1 and drawn again where they are not positive.
+        # Factors on consumption, normal about 1; drawn again if not positive.
         spread = campaign.battery_spread_pct / 100.0
         factor = chance.normal(1.0, spread, shape)
         while np.any(wrong := factor <= 0):
@@ -268,22 +267,22 @@ class _FlightLog:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _FlightGroup:
-    """Flights that have come to the same state."""
+    """Flights that have reached the same state."""
 
     state: FleetAfterLosses
     who: IntArray
     """(m,): their rows in the log."""
     since_s: FloatArray
-    """(m,): when each came to it."""
+    """(m,): time at which each reached it."""
     at_s: float
-    """When the plan for it was made: the beginning of the interval that holds all of ``since_s``."""
+    """Time of the state's plan: the beginning of the interval that holds all of ``since_s``."""
     replans: int
     losses: int
-    """Behind each of them."""
+    """Number of losses so far in each of them."""
 
 
 def _simulate_group(campaign: RiskCampaign, log: _FlightLog, group: _FlightGroup) -> None:
-    """Write down the fate of a group's flights, and fly on those that are re-planned."""
+    """Record the outcome of a group's flights, and continue those that are re-planned."""
     lost_s, undone, undone_m = _predict_outcome(log, group)
     log.undone[group.who, group.replans :] = undone.sum(axis=1)[:, np.newaxis]
     log.undone_m[group.who, group.replans :] = undone_m.sum(axis=1)[:, np.newaxis]
@@ -312,9 +311,9 @@ def _simulate_group(campaign: RiskCampaign, log: _FlightLog, group: _FlightGroup
 
 
 def _predict_outcome(log: _FlightLog, group: _FlightGroup) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return what would become of a group's flights if nobody re-planned any more: (m, vehicles of the state) each.
+    """Return the outcome of a group's flights without further re-plans: (m, vehicles of the state) each.
 
-    When a vehicle is lost, infinite if it is not; segments that its loss leaves; their metres.
+    Loss time of each vehicle, infinite without a loss; segments that its loss leaves; their metres.
     """
     state, shape = group.state, (len(group.who), len(group.state.fleet))
     lost_s, undone, undone_m = np.full(shape, np.inf), np.zeros(shape, dtype=np.int64), np.zeros(shape)
@@ -322,7 +321,7 @@ def _predict_outcome(log: _FlightLog, group: _FlightGroup) -> tuple[FloatArray, 
         flown, ends_s = state.progress_of(vehicle), state.visit_ends_s(vehicle)
         fails_s = _crossing_times_s(log.life_s[group.who, number], flown.airborne_s, flown.time_s)
         empty_s = _crossing_times_s(log.charge_pct[group.who, number], flown.used_pct, flown.time_s)
-        # A re-plan may have it take off within the interval of the loss, somewhat before the loss itself.
+        # A re-plan may launch it within the interval of the loss, slightly before the loss itself.
         lost_s[:, vehicle] = np.maximum(group.since_s, np.minimum(fails_s, empty_s))
         done = np.searchsorted(ends_s, lost_s[:, vehicle] + SAME_TIME_S, side="right")
         undone[:, vehicle] = len(ends_s) - done
@@ -331,14 +330,14 @@ def _predict_outcome(log: _FlightLog, group: _FlightGroup) -> tuple[FloatArray, 
 
 
 def _crossing_times_s(level: FloatArray, column: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return when an ascending column passes each level, infinite where it does not."""
+    """Return when an ascending column reaches each level, infinite if it does not."""
     return np.where(level < column[-1], np.interp(level, column, time_s), np.inf)
 
 
 def _group_equal_losses(
     state: FleetAfterLosses, culprit: IntArray, at_s: FloatArray, lost_s: FloatArray
 ) -> Iterator[tuple[IntArray, int, float, tuple[int, ...]]]:
-    """Yield flights that one re-plan serves: their rows, who is lost, the interval's beginning, who is gone before."""
+    """Yield flights that share a re-plan: their rows, the lost vehicle, the interval's start, vehicles lost before."""
     events = np.array(event_times_s(state.instance, state.plan))
     interval = np.searchsorted(events, at_s + SAME_TIME_S, side="right") - 1
     gone = lost_s < at_s[:, np.newaxis]
@@ -353,7 +352,7 @@ def _group_equal_losses(
 def _apply_repair(
     campaign: RiskCampaign, group: _FlightGroup, vehicle: int, at_s: float, gone: tuple[int, ...]
 ) -> FleetAfterLosses | None:
-    """Return the state after a loss that a re-plan repairs, None if none does."""
+    """Return the state after a loss that a re-plan repairs, None if there is no repair."""
     state = group.state
     if group.replans == 0 and not gone:
         plan = next((row.plan for row in campaign.table if (row.vehicle, row.from_s) == (vehicle, at_s)), None)
@@ -363,7 +362,7 @@ def _apply_repair(
         return state.apply_plan(left, plan)
     if gone:
         vehicle -= sum(one < vehicle for one in gone)
-        # They have nothing left to inspect.
+        # The vehicles lost before have nothing left to inspect.
         kept = [one for one in range(len(state.fleet)) if one not in gone]
         state = _rebuild_state(state, kept, [state.plan.routes[one].visits for one in kept], {})
     answer = repair_plan(state, vehicle, at_s, effort=campaign.effort, fly_again=campaign.fly_again)
@@ -420,10 +419,10 @@ def _longest_s(campaign: RiskCampaign) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RouteProgress:
-    """What a vehicle has done by when, if nothing happens to it: three ascending columns of the same moments."""
+    """Progress of a vehicle over time without a loss: three ascending columns for the same moments."""
 
     time_s: FloatArray
-    """(m,) float64: launches, ends of visits and landings since the launch of the fleet."""
+    """(m,) float64: launches, ends of visits and landings, seconds since the launch of the fleet."""
     used_pct: FloatArray
     """(m,) float64: energy used by then, in percent of a full battery."""
     airborne_s: FloatArray
@@ -432,21 +431,21 @@ class RouteProgress:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FleetAfterLosses:
-    """The vehicles that are left, and how they inspect all that is theirs."""
+    """The remaining vehicles, and their routes through all segments that they have to inspect."""
 
     instance: Instance
-    """Of these vehicles and of the segments of their present routes; its ``start_s`` counts from the fleet's launch."""
+    """Instance of these vehicles and the segments of their current routes; ``start_s`` counts from fleet launch."""
     plan: Plan
-    """Over that instance: each vehicle's route since it last took off, with what is done of it."""
+    """Plan for that instance: each vehicle's route since its last take-off, completed visits included."""
     fleet: tuple[int, ...]
-    """For each vehicle its number in the first plan."""
+    """Number of each vehicle in the first plan."""
     launched_s: tuple[float, ...]
-    """When the present route of each took off, or will."""
+    """Take-off time of each current route."""
     before: tuple[RouteProgress | None, ...]
-    """What each had done until it landed before that; None for its first route."""
+    """Progress of each vehicle until its last landing before that route; None for its first route."""
 
     def progress_of(self, vehicle: int) -> RouteProgress:
-        """Return what a vehicle will have done by when; between the moments it is taken to grow evenly."""
+        """Return a vehicle's progress over time; linear between the moments."""
         route = self.plan.routes[vehicle]
         seconds, pct = np.array(compute_legs_s(self.instance, route)), np.array(compute_legs_pct(self.instance, route))
         start_s, before = self.launched_s[vehicle], self.before[vehicle]
@@ -461,18 +460,18 @@ class FleetAfterLosses:
         )
 
     def visit_ends_s(self, vehicle: int) -> FloatArray:
-        """Return (visits,) float64: when each visit of a vehicle's present route ends."""
+        """Return (visits,) float64: end time of each visit of a vehicle's current route."""
         return np.array(completion_times_s(self.instance, self.plan.routes[vehicle]))
 
     def visit_values(self, vehicle: int) -> FloatArray:
-        """Return (visits,) float64: what each visit of a vehicle's present route is worth."""
+        """Return (visits,) float64: value of each visit of a vehicle's current route."""
         return self.instance.value[[segment_of(visit) for visit in self.plan.routes[vehicle].visits]]
 
     def apply_plan(self, left: RemainingProblem, plan: Plan) -> FleetAfterLosses:
-        """Return the state once a loss is answered by a plan for ``left.instance``.
+        """Return the state after a loss is repaired by a plan for ``left.instance``.
 
         A vehicle that takes off for the new plan does so at ``left.at_s``, or as soon as it has landed. Until then it
-        is on its way home; should it be lost there, its new visits are open again.
+        is returning; if it is lost there, its new visits are open again.
         """
         routes, again = [], {}
         for survivor, route in zip(left.survivors, plan.routes, strict=True):
@@ -496,16 +495,16 @@ def build_state_before_losses(instance: Instance, plan: Plan) -> FleetAfterLosse
 def repair_plan(
     state: FleetAfterLosses, lost: int, at_s: float, *, effort: int, fly_again: bool = True
 ) -> tuple[RemainingProblem, Plan] | None:
-    """Return what the loss of a vehicle leaves and a plan for it; None where none was found.
+    """Return the problem after the loss of a vehicle and a plan for it; None if none was found.
 
     The same arguments give the same plan.
 
     Args:
-        state: when the vehicle is lost.
+        state: the state in which the vehicle is lost.
         lost: its number in ``state``.
-        at_s: when, since the launch of the fleet.
-        effort: iterations at most.
-        fly_again: whether vehicles on the ground or on their way home may fly (again).
+        at_s: time of the loss, since the launch of the fleet.
+        effort: maximum number of iterations.
+        fly_again: whether vehicles that are on the ground or returning may fly (again).
     """
     if len(state.fleet) == 1:
         return None
@@ -517,7 +516,7 @@ def repair_plan(
 def _rebuild_state(
     state: FleetAfterLosses, kept: Sequence[int], routes: Sequence[tuple[int, ...]], again: dict[int, FreeVehicle]
 ) -> FleetAfterLosses:
-    """Return the state of some vehicles on new routes; those in ``again`` take off for theirs."""
+    """Return the state of some vehicles on new routes; those in ``again`` take off for them."""
     segments = sorted({segment_of(visit) for visits in routes for visit in visits})
     number = {segment: place for place, segment in enumerate(segments)}
     instance = lift_locks(state.instance, set(range(len(state.fleet))) - set(kept))
@@ -542,9 +541,9 @@ def _build_route_start(instance: Instance, vehicle: int, again: FreeVehicle | No
 
 
 def _collect_progress(state: FleetAfterLosses, vehicle: int, again: FreeVehicle | None) -> RouteProgress | None:
-    """Return what a vehicle has done before its present route."""
+    """Return a vehicle's progress before its current route."""
     if again is None:
         return state.before[vehicle]
-    # A spare: as long as it stands its rows count from the launch of the fleet.
+    # A spare: while it is on the ground its rows count from the launch of the fleet.
     is_spare = not again.completed and not state.instance.vehicles[vehicle].airborne
     return None if is_spare else state.progress_of(vehicle)

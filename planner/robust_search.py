@@ -1,4 +1,4 @@
-"""The search behind ``solve_window``: plans to begin with, then rounds of walks on the window itself."""
+"""The search behind ``solve_window``: initial plans, then rounds of walks on the window itself."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from planner.window import merge_times, replan_window
 
 @dataclass(frozen=True, slots=True)
 class FoundPlan:
-    """A plan with its window's begin, as far as a look showed."""
+    """A plan and the start of its window, as far as evaluated."""
 
     routes: tuple[tuple[int, ...], ...]
     earliest_s: float
@@ -40,7 +40,7 @@ class FoundPlan:
 
 @dataclass(slots=True)
 class Walker:
-    """One walk: its place, its aim, its chance."""
+    """One walk: its state, aim and random numbers."""
 
     here: RobustWalk
     there: RobustWalk
@@ -53,11 +53,11 @@ class Walker:
     """Work space for whole windows."""
     rng: RandomState
     best: FoundPlan
-    """What its aim is measured against."""
+    """The plan that its aim is relative to."""
     start: FoundPlan
-    """Where its cycles begin."""
+    """The plan that its cycles begin from."""
     step: float
-    """How far below the best it aims, as a share of the longest route."""
+    """Distance of the aim below the best, as a share of the longest route."""
     probes_s: FloatArray
     length: int
     """Iterations of a cycle."""
@@ -65,17 +65,17 @@ class Walker:
     left: int = 0
     """Iterations until the cycle ends."""
     cycles: int = 0
-    """That ended in vain."""
+    """Number of failed cycles."""
     rounds: int = 0
-    """Rounds of steps in vain."""
+    """Number of failed rounds of steps."""
     waits: bool = False
-    """Whether such a round has just ended: it is told where to go on."""
+    """Whether a failed round has just ended: the walk then waits for a new start."""
     found: list[FoundPlan] = field(default_factory=list)
-    """What it has found since that was last gathered."""
+    """Plans found since they were last gathered."""
 
 
 class RobustSearch(Search):
-    """One search; ``run`` is all that there is to call."""
+    """One search; call only ``run``."""
 
     def __init__(
         self,
@@ -107,13 +107,13 @@ class RobustSearch(Search):
         self._others = 0
         self._walkers: list[Walker] = []
         self.earliest_s = math.inf
-        """The earliest begin of a window so far."""
+        """The earliest window start so far."""
         self._looker = self._build_walker(seed, FoundPlan((), math.inf))
         self.archive: list[FoundPlan] = []
-        """All complete plans looked at, and those that were the best when a walk found them."""
+        """All complete plans evaluated, and those that were the best when a walk found them."""
 
     def run(self, *, stretch: float, longest_s: float | None, initial: Sequence[Plan]) -> WindowResult:
-        """Find plans to begin with, then improve until the stop rule says so."""
+        """Find initial plans, then improve them until the stop rule ends the search."""
         params = self._params
         plans = [
             self._solve_limited(self._instance, Cost.MINMAX, number, params.minmax_iterations)
@@ -125,7 +125,7 @@ class RobustSearch(Search):
             shortest_s = min(self._route_s(plan) for plan in complete)
             self._longest_s = shortest_s if longest_s is None else longest_s
             self._cap_s = (1 + stretch) * self._longest_s * (1 + 1e-12)
-            # The best MinMax plan shows how much energy a second of flight costs.
+            # The best MinMax plan gives the energy per second of flight.
             minmax = min(complete, key=self._route_s)
             longest = max(minmax.routes, key=lambda route: route_duration_s(self._instance, route))
             self._rate = route_energy_pct(self._instance, longest) / route_duration_s(self._instance, longest)
@@ -142,7 +142,7 @@ class RobustSearch(Search):
         return self._choose_result(plans)
 
     def _ask(self, progress: Progress) -> StopVerdict:
-        """Ask the stop rule from a search for a plan to begin with, with all iterations so far."""
+        """Check the stop rule from a search for an initial plan, with all iterations so far."""
         own, known = self._build_progress(), math.isfinite(self.earliest_s)
         verdict = self._stop(replace(
             own, iterations=own.iterations + progress.iterations, impossible=progress.impossible,
@@ -154,7 +154,7 @@ class RobustSearch(Search):
         return verdict
 
     def _allow_walk(self, progress: Progress) -> StopVerdict:
-        """Ask the stop rule between rounds of the walks, which all do the same number of iterations."""
+        """Check the stop rule between rounds of the walks, which all run the same number of iterations."""
         if self.earliest_s <= 0:
             return StopVerdict(0, "full window")
         verdict = self._stop(progress)
@@ -165,7 +165,7 @@ class RobustSearch(Search):
         return self.earliest_s, 0 if known else 1, known
 
     def _find_other_plan(self) -> Plan:
-        """Return the next plan of the other costs, its budgets cut to the energy of about the length allowed."""
+        """Return the next plan of the other costs, with budgets reduced to the energy of about the allowed length."""
         number, self._others = self._others, self._others + 1
         # Energy and time are not quite proportional: every second pair is a little shorter.
         cap_pct = self._cap_s * self._rate * (1.0 - 0.01 * (number // 2 % 2))
@@ -199,7 +199,7 @@ class RobustSearch(Search):
         return not plan.uncovered and not evaluate(self._instance, plan, Cost.MINMAX).violations
 
     def _archive_plan(self, plan: Plan) -> None:
-        """Enter a plan into the archive, in its best orientation, if it is one that is allowed."""
+        """Add a plan to the archive, in its best orientation, if it is valid."""
         if not self._is_complete(plan) or self._route_s(plan) > self._cap_s:
             return
         routes = [route.visits for route in plan.routes]
@@ -228,13 +228,13 @@ class RobustSearch(Search):
                 self._improved_at = self._iterations
 
     def _advance(self, iterations: int, threads: Executor | None = None) -> None:
-        """Walk side by side."""
+        """Run all walks in parallel."""
         run_in_threads(threads, self._walk, self._walkers, [iterations // self._starts] * self._starts)
         self._iterations += iterations
         self._gather(self._walkers)
 
     def _gather(self, walkers: Sequence[Walker]) -> None:
-        """Enter what the walks have found; those that long found nothing aim at the best of all, from elsewhere."""
+        """Collect the plans that the walks have found; restart walks without success from another elite plan."""
         for walker in walkers:
             for found in walker.found:
                 self._archive_found(found)
@@ -269,7 +269,7 @@ class RobustSearch(Search):
         return walk._replace(base=base, clock=clock_of(self._problem, self._timing, base), repairs=repairs)
 
     def _place_walker(self, walker: Walker, routes: Sequence[tuple[int, ...]]) -> None:
-        """Put both plans of a walker at given routes, without repairs."""
+        """Set both plans of a walker to given routes, without repairs."""
         for walk_at in (walker.here, walker.there):
             walk_at.base.route_of[:] = -1
             for route, visits in enumerate(routes):
@@ -278,7 +278,7 @@ class RobustSearch(Search):
             walk_at.repairs.known[:] = 0
 
     def _find_window_begin(self, walker: Walker) -> tuple[float, float]:
-        """Return where a plan's window begins and the begin of the interval that breaks it, -1 if none does."""
+        """Return the start of a plan's window and of the interval that breaks it, -1 if none does."""
         base, clock = walker.here.base, walker.here.clock
         visits_end_s = [clock.ends_s[route, :length] for route, length in enumerate(base.lengths)]
         events_s = np.array(merge_times(np.concatenate([clock.durations_s, *visits_end_s]), self._instance.answer_s))
@@ -302,7 +302,7 @@ class RobustSearch(Search):
             iterations -= max(1, done)
             walker.left -= max(1, done)
             here = walker.here
-            # At the end of a cycle those repairs are made anew that lack a little.
+            # At the end of a cycle, repairs that lack a little are rebuilt.
             if walker.left <= 0 and 0 < here.lacks.sum() <= self._params.nearly * self._transit_pct(here.base):
                 here.repairs.known[here.lacks > 0] = 0
                 self._assess(walker)
@@ -315,7 +315,7 @@ class RobustSearch(Search):
                 self._lower_step(walker)
 
     def _lower_step(self, walker: Walker) -> None:
-        """Aim less far in the next cycle; after the last step begin again, with longer cycles."""
+        """Reduce the step for the next cycle; after the last step begin again, with longer cycles."""
         walker.cycles += 1
         if walker.step > self._params.last_step:
             walker.step /= 2
@@ -346,7 +346,7 @@ class RobustSearch(Search):
         walker.left = walker.length
 
     def _assess(self, walker: Walker) -> None:
-        """Look at all repairs of a walk where it stands."""
+        """Evaluate all repairs of a walk's current plan."""
         assess_repairs(
             self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.probes_s,
             self._build_limits(walker), np.inf, walker.rng,
@@ -354,17 +354,17 @@ class RobustSearch(Search):
         take_repairs(walker.there, walker.here)
 
     def _start_temperature(self, walker: Walker) -> float:
-        """Return the temperature that a cycle begins with, in mean transits."""
+        """Return the start temperature of a cycle, in mean transits."""
         return self._params.hot * math.sqrt(math.sqrt(walker.length / self._params.cycle))
 
     def _transit_pct(self, base: State) -> float:
-        """Return the mean energy that a plan spends from visit to visit, inspections not counted."""
+        """Return the mean energy of a plan's transits, inspections excluded."""
         inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
         moves = len(inspections) + len(base.lengths)
         return max(float(base.loads.sum() - inspections.sum()) / moves, 1e-3 * float(self._problem.effort.max()), 1e-9)
 
     def _verify_window(self, walker: Walker) -> None:
-        """Look at the whole window of a plan whose losses at the probes can be repaired, and aim anew."""
+        """Evaluate the whole window of a plan whose losses at the probes can be repaired, and set a new aim."""
         earliest_s, broken_s = self._find_window_begin(walker)
         if earliest_s < walker.best.earliest_s:
             routes = tuple(route.visits for route in build_plan(walker.here.base).routes)
@@ -372,7 +372,7 @@ class RobustSearch(Search):
             walker.found.append(walker.best)
             walker.step = min(self._params.first_step, 1.5 * walker.step)
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
-            # A repair that a walk has and a look does not find: elsewhere then.
+            # The evaluation does not find a repair that the walk has: try elsewhere.
             self._lower_step(walker)
             walker.left = 0
             return
@@ -400,5 +400,5 @@ class RobustSearch(Search):
 
 
 def plan_from_routes(routes: Sequence[tuple[int, ...]]) -> Plan:
-    """Return routes as a plan that leaves nothing out."""
+    """Return routes as a plan without uncovered segments."""
     return Plan(tuple(Route(vehicle, visits) for vehicle, visits in enumerate(routes)))

@@ -1,9 +1,9 @@
-"""The loop of every search: the stop rule, rounds, and cycles of annealing with starts side by side.
+"""The main loop of all searches: the stop rule, rounds, and cycles of annealing with parallel starts.
 
-Annealing needs to know its length beforehand and a stop rule does not tell. So it runs in cycles of growing length,
-each starting from the best plan so far: whenever the search is stopped, a good part of the work has gone into one
-cycle. Several starts run the same cycle in threads and wait for each other at its end, so that the seed, the number of
-starts and of iterations decide the plan, however the threads take turns.
+Annealing needs to know its length beforehand, which a stop rule does not give. So it runs in cycles of growing length,
+each starting from the best plan so far: whenever the search stops, a good part of the work has gone into one cycle.
+Several starts run the same cycle in threads and wait for each other at its end, so the plan depends only on the seed,
+the number of starts and the number of iterations, not on thread timing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RandomState = npt.NDArray[np.uint64]
 
 
 class SearchRecord(ABC):
-    """Where a search stands, and what it gives back."""
+    """Progress of a search, and its result."""
 
     def __init__(self, watch: Stopwatch, *, impossible: str | None = None) -> None:
         self._watch = watch
@@ -38,7 +38,7 @@ class SearchRecord(ABC):
 
     @abstractmethod
     def _rate_best(self) -> tuple[float, int, bool]:
-        """Return how good the best plan is: value, uncovered and feasible of ``Progress``."""
+        """Return the quality of the best plan: value, uncovered and feasible of ``Progress``."""
 
     def _build_progress(self) -> Progress:
         value, uncovered, feasible = self._rate_best()
@@ -65,12 +65,12 @@ class SearchRecord(ABC):
 
 
 class Search(SearchRecord):
-    """One search, from a first plan to the best found: it asks the stop rule, counts, and says where it stands."""
+    """One search from a first plan to the best found: checks the stop rule, counts iterations, reports progress."""
 
     def __init__(self, watch: Stopwatch, *, batch: int, starts: int = 1, impossible: str | None = None) -> None:
         super().__init__(watch, impossible=impossible)
         self._batch = batch * starts
-        """Iterations between two questions to the stop rule, at most."""
+        """Maximum number of iterations between two checks of the stop rule."""
         self._threads = starts
 
     @abstractmethod
@@ -78,7 +78,7 @@ class Search(SearchRecord):
         """Run ``iterations``, and count them."""
 
     def _run_rounds(self, stop: StopRule) -> str:
-        """Go on for as many iterations as the stop rule allows, again and again; return why it ended."""
+        """Run the iterations that the stop rule allows, until it ends the search; return the reason."""
         with ThreadPoolExecutor(self._threads) if self._threads > 1 else nullcontext() as threads:
             while (verdict := stop(self._build_progress())).allowed > 0:
                 self._advance(min(self._batch, verdict.allowed), threads)
@@ -86,7 +86,7 @@ class Search(SearchRecord):
 
 
 def run_in_threads(threads: Executor | None, work: Callable[..., R], *of_each: Iterable[object]) -> list[R]:
-    """Return what comes of all that is to be done, in threads where there are any."""
+    """Return the results of all work items, computed in threads if there are any."""
     return list((map if threads is None else threads.map)(work, *of_each))
 
 
@@ -96,11 +96,11 @@ class Cycle:
 
     length: int
     hot: float
-    """The temperature at the begin."""
+    """Start temperature."""
     cold: float
-    """At the end."""
+    """End temperature."""
     stages: int = 1
-    """Parts of the same length."""
+    """Number of parts, all of the same length."""
 
     @property
     def cooling(self) -> float:
@@ -117,15 +117,15 @@ class Cycle:
 
 
 class SearchStart(ABC, Generic[StateT]):
-    """One of the walks of a search; they share nothing that changes, so each may run in a thread of its own."""
+    """One of the walks of a search; they share no mutable state, so each may run in its own thread."""
 
     def __init__(
         self, states: tuple[StateT, StateT, StateT], copy: Callable[[StateT, StateT], None], rng: RandomState
     ) -> None:
         self.current, self.trial, self.best = states
-        """Where it stands, work space, and the best plan that it found."""
+        """Current state, work space, and the best plan found."""
         self.done = 0
-        """Iterations of the cycle under way."""
+        """Iterations done in the current cycle."""
         self.temperature = np.zeros(1)
         self.rng = rng
         self._copy = copy
@@ -133,7 +133,7 @@ class SearchStart(ABC, Generic[StateT]):
     @property
     @abstractmethod
     def rank(self) -> list[float]:
-        """Of the best plan that it found: less is better, the first figure that differs decides."""
+        """Return the rank of its best plan: less is better, the first figure that differs decides."""
 
     def begin(self, leader: Self, temperature: float) -> None:
         """Begin a cycle from the best plan of ``leader``."""
@@ -159,14 +159,14 @@ class AnnealingSearch(Search, Generic[SearchStartT]):
 
     @abstractmethod
     def _build_cycle(self, before: Cycle | None) -> Cycle:
-        """Return the cycle that follows another one, from the leader's best plan; the first one follows none."""
+        """Return the next cycle, from the leader's best plan; ``before`` is None for the first one."""
 
     @abstractmethod
     def _improve(self, start: SearchStartT, iterations: int) -> int:
         """Run iterations of one start within a stage; return the last that found a new best, from 1, or 0."""
 
     def _publish(self) -> None:
-        """Take the leader's best plan for that of the search."""
+        """Make the leader's best plan that of the search."""
         self._best_rank = self._leader.rank
 
     def _begin_cycle(self, before: Cycle | None) -> None:
@@ -175,12 +175,12 @@ class AnnealingSearch(Search, Generic[SearchStartT]):
             start.begin(self._leader, self._cycle.hot)
 
     def _advance(self, iterations: int, threads: Executor | None = None) -> None:
-        """Run ``iterations`` over all starts; how they are split over calls makes no difference to a single one."""
+        """Run ``iterations`` over all starts; splitting them over several calls makes no difference to a start."""
         while iterations > 0:
             iterations -= self._run_round(iterations, threads)
 
     def _run_round(self, iterations: int, threads: Executor | None) -> int:
-        """Have each start do its share of ``iterations``, as far as its stage goes; return how many were done."""
+        """Run each start's share of ``iterations``, at most to the end of its stage; return how many were done."""
         going: list[SearchStartT] = []
         shares: list[int] = []
         for number, start in enumerate(sorted(self._starts, key=lambda start: start.done)):
@@ -199,7 +199,7 @@ class AnnealingSearch(Search, Generic[SearchStartT]):
         return sum(shares)
 
     def _take_best(self, latest: int) -> None:
-        """Publish the best start's plan if one improved, in the iteration ``latest`` of its round at the latest."""
+        """Publish the best start's plan if one improved, at the latest in iteration ``latest`` of its round."""
         if latest == 0:
             return
         leader = min(self._starts, key=lambda start: start.rank)

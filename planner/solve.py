@@ -1,4 +1,4 @@
-"""The solver's front: one call from an instance to a checked plan."""
+"""Entry point of the solver: one call from an instance to a checked plan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
 
-def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from where
+def solve(  # noqa: PLR0913 - problem, search length and start
     instance: Instance,
     *,
     cost: Cost,
@@ -31,19 +31,19 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
 
     Args:
         instance: the problem.
-        cost: what to minimise.
-        stop: asked at least every 500 iterations of a start, on large instances every few thousand of a region; its
+        cost: the cost function to minimise.
+        stop: checked at least every 500 iterations of a start, on large instances every few thousand of a region; its
             time does not include loading or compiling the kernels, which the first call does unless ``warm_up`` has.
-        seed: of all randomness.
-        initial: a plan to begin with; visits beyond a budget are taken out of it, open segments put in.
+        seed: seed of all randomness.
+        initial: a first plan; visits beyond a budget are removed from it, open segments inserted.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it: the paper's setting.
-        starts: searches side by side, a thread each, that share their best plan from time to time; iterations are
-            counted over all of them. As many as there are processors is best. Part of what decides the plan.
-        params: what the search is tuned by. Part of what decides the plan.
-        on_progress: called whenever ``stop`` is asked.
+        starts: parallel searches, one thread each, that share their best plan from time to time; iterations are counted
+            over all of them. Best is one per processor. The plan depends on it.
+        params: tuning of the search. The plan depends on it.
+        on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        PlanError: ``initial`` is not a plan for this instance, or ``starts`` is none.
+        PlanError: ``initial`` is not a plan for this instance, or ``starts`` is less than 1.
     """
     if starts < 1:
         raise PlanError(f"starts is {starts}, expected 1 or more")
@@ -60,7 +60,7 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
             seconds=0.0,
             stopped_by="nothing to inspect",
         )
-    # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
+    # Imported here because numba takes a second to load, and many callers never make a plan.
     from planner.large import LargeSearch
     from planner.plan_search import PlanSearch
 
@@ -73,7 +73,7 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
 
 
 def warm_up() -> None:
-    """Load the search's kernels, compiling them if no process has before: some 10 seconds once, then under one."""
+    """Load the search's kernels, compiling them if they are not cached: some 10 seconds once, then under one."""
     instance = build_instance(
         [[[10.0, 0.0], [20.0, 0.0]], [[20.0, 0.0], [20.0, 10.0]]],
         (0.0, 0.0),
@@ -88,7 +88,7 @@ def check_routes(instance: Instance, plan: Plan) -> None:
     """Check that a plan has one route for each vehicle of an instance, over its visits.
 
     Raises:
-        PlanError: it has not.
+        PlanError: the routes do not match the instance.
     """
     if [route.vehicle for route in plan.routes] != list(range(len(plan.routes))):
         raise PlanError("routes must be in the order of the vehicles, one each")
@@ -99,7 +99,7 @@ def check_tails(instance: Instance, tails: Sequence[Sequence[int]]) -> None:
     """Check that visits, a sequence for each vehicle, belong to an instance.
 
     Raises:
-        PlanError: a vehicle or a visit that the instance does not have, or a segment twice.
+        PlanError: a vehicle or a visit does not exist in the instance, or a segment occurs twice.
     """
     if len(tails) != len(instance.vehicles):
         raise PlanError(f"{len(tails)} routes for {len(instance.vehicles)} vehicles")

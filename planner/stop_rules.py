@@ -1,4 +1,4 @@
-"""When a search ends: rules that are asked between batches of iterations, and the planner's only clock."""
+"""Stop rules, checked between batches of iterations, and the planner's only clock."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from typing import Protocol
 
 UNLIMITED = 2**62
-"""Iterations that a rule allows which does not count them."""
+"""Iterations allowed by a rule that does not count them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where a search stands."""
+    """Progress of a search."""
 
     iterations: int
     since_improvement: int
     """Iterations since the best plan was found, to within a batch."""
     seconds: float
     value: float
-    """The cost function of the best plan."""
+    """Cost of the best plan."""
     uncovered: int
     """Segments that the best plan leaves out."""
     feasible: bool
@@ -31,16 +31,16 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class StopVerdict:
-    """A rule's answer."""
+    """Answer of a stop rule."""
 
     allowed: int
-    """Iterations that may run before the rule must be asked again; 0 to stop."""
+    """Iterations that may run before the next check of the rule; 0 to stop."""
     reason: str
-    """Which rule it was."""
+    """Name of the rule that stopped."""
 
 
 class StopRule(Protocol):
-    """Decides how long a search goes on."""
+    """Decide how long a search continues."""
 
     def __call__(self, progress: Progress) -> StopVerdict:
         """Return how many more iterations may run now."""
@@ -60,23 +60,23 @@ class Seconds:
 
 @dataclass(frozen=True, slots=True)
 class Iterations:
-    """Stop after exactly so many iterations: the same seed then gives the same plan on every machine."""
+    """Stop after an exact number of iterations: the same seed then gives the same plan on every machine."""
 
     limit: int
 
     def __call__(self, progress: Progress) -> StopVerdict:
-        """Allow what is left of the limit."""
+        """Allow the rest of the limit."""
         return StopVerdict(max(0, self.limit - progress.iterations), "iterations")
 
 
 @dataclass(frozen=True, slots=True)
 class NoImprovement:
-    """Stop when the best plan has stood for so many iterations."""
+    """Stop when the best plan has not improved for a number of iterations."""
 
     limit: int
 
     def __call__(self, progress: Progress) -> StopVerdict:
-        """Allow what is left since the last improvement."""
+        """Allow the rest of the limit since the last improvement."""
         return StopVerdict(max(0, self.limit - progress.since_improvement), "no improvement")
 
 
@@ -85,7 +85,7 @@ class FirstFeasible:
     """Stop at the first plan that covers everything, or when it is certain that there is none."""
 
     def __call__(self, progress: Progress) -> StopVerdict:
-        """Allow any number of iterations while the question is open."""
+        """Allow any number of iterations until one of these is known."""
         if progress.impossible:
             return StopVerdict(0, "no feasible plan exists")
         return StopVerdict(0 if progress.feasible else UNLIMITED, "first feasible")
@@ -93,7 +93,7 @@ class FirstFeasible:
 
 @dataclass(frozen=True, slots=True)
 class Cancelled:
-    """Stop when somebody outside says so."""
+    """Stop when ``cancelled`` returns true."""
 
     cancelled: Callable[[], bool]
 
@@ -113,7 +113,7 @@ def combine_stop_rules(*rules: StopRule) -> StopRule:
 
 
 def add_progress_report(stop: StopRule, on_progress: Callable[[Progress], None] | None) -> StopRule:
-    """Return the rule that tells where a search stands before it asks ``stop``."""
+    """Return the rule that reports progress before it checks ``stop``."""
     if on_progress is None:
         return stop
 
@@ -125,16 +125,16 @@ def add_progress_report(stop: StopRule, on_progress: Callable[[Progress], None] 
 
 
 clock_s: Callable[[], float] = time.monotonic
-"""The planner's clock; tests count the processor's time, which a busy computer does not change."""
+"""The planner's clock; tests use processor time, which other load does not change."""
 
 
 class Stopwatch:
-    """Seconds since it was made."""
+    """Seconds since it was created."""
 
     def __init__(self) -> None:
         self._started_s = clock_s()
 
     @property
     def seconds(self) -> float:
-        """Seconds since this watch was made."""
+        """Return the seconds since this watch was created."""
         return clock_s() - self._started_s

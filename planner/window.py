@@ -1,9 +1,9 @@
 """The re-plan window: how early a plan may lose any one of its vehicles and still be finished by the others.
 
-Between two completions nothing changes, so a plan has finitely many losses to look at: each interval between
+Nothing changes between two completions, so a plan has a finite number of losses to evaluate: each interval between
 completions, each vehicle still flying in it. The window is the longest suffix of intervals in which every loss has a
-re-plan that was found and checked. Whether a loss can be repaired is not monotone in time, so the intervals are gone
-through from the end and the first loss without a re-plan ends the window.
+re-plan that was found and checked. Whether a loss can be repaired is not monotone in time, so the intervals are scanned
+from the end and the first loss without a re-plan ends the window.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_proble
 from planner.solve import check_routes
 
 EFFORT = 10_000
-"""Iterations of ruin and recreate for one loss, as a default: some 50 ms where there is no re-plan."""
+"""Default iterations of ruin and recreate for one loss: some 50 ms if there is no re-plan."""
 
 
 def replan_window(
@@ -35,18 +35,18 @@ def replan_window(
 ) -> ReplanWindow:
     """Return the re-plan window of a plan.
 
-    The same arguments give the same window on every machine. Only a plan that covers everything within its budgets
-    has one; the window of any other is empty, and that is certain.
+    The same arguments give the same window on every machine. Only a plan that covers everything within its budgets has
+    one; the window of any other is empty, and that is certain.
 
     Args:
-        instance: of the plan.
-        plan: to be flown as it is until a vehicle is lost.
+        instance: the instance of the plan.
+        plan: the plan, flown as it is until a vehicle is lost.
         effort: iterations of ruin and recreate for each loss that is not repaired at once.
-        seed: of all randomness.
-        fly_again: whether vehicles on the ground or on their way home may fly (again).
+        seed: seed of all randomness.
+        fly_again: whether vehicles that are on the ground or returning may fly (again).
 
     Raises:
-        PlanError: the plan is not one for the instance, or has one vehicle only.
+        PlanError: the plan does not match the instance, or has only one vehicle.
     """
     check_routes(instance, plan)
     check_fleet(instance)
@@ -57,7 +57,7 @@ def replan_window(
         return ReplanWindow(
             longest_s, longest_s, longest_s, CriticalLoss(flying, events[-2] if longest_s else 0, longest_s)
         )
-    # Only here, as in solve.py: it loads numba.
+    # Imported here, as in solve.py: it loads numba.
     from planner.loss_scan import LossScan
 
     if instance.segments == 0:
@@ -79,17 +79,17 @@ def iterate_losses(
 ) -> Iterator[LossRow]:
     """Return all losses of a plan, those at the end first: each interval with each vehicle flying in it.
 
-    A row is computed when it is asked for.
+    Rows are computed on demand.
 
     Args:
-        instance: of the plan.
-        plan: to be flown as it is until a vehicle is lost; what it leaves uncovered is open in every loss.
+        instance: the instance of the plan.
+        plan: the plan, flown as it is until a vehicle is lost; its uncovered segments are open in every loss.
         effort: iterations of ruin and recreate for each loss that is not repaired at once.
-        seed: of all randomness.
-        fly_again: whether vehicles on the ground or on their way home may fly (again).
+        seed: seed of all randomness.
+        fly_again: whether vehicles that are on the ground or returning may fly (again).
 
     Raises:
-        PlanError: the plan is not one for the instance, or has one vehicle only.
+        PlanError: the plan does not match the instance, or has only one vehicle.
     """
     check_routes(instance, plan)
     check_fleet(instance)
@@ -103,13 +103,13 @@ def iterate_losses(
 def find_repairs_at(
     instance: Instance, plan: Plan, at_s: float, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
 ) -> tuple[tuple[RemainingProblem, Plan], ...]:
-    """Return what the loss of each vehicle that flies ``at_s`` leaves, with a re-plan, as far as found.
+    """Return, for each vehicle that flies ``at_s``, the problem after its loss, with a re-plan if found.
 
-    At ``earliest_s`` that is all of them. It goes through the intervals from the end, as ``replan_window`` does with
-    the same effort and seed, so it finds what that has found.
+    At ``earliest_s`` all have one. It scans the intervals from the end, as ``replan_window`` does with the same effort
+    and seed, so it finds the same re-plans.
 
     Raises:
-        PlanError: the plan is not one for the instance, or has one vehicle only.
+        PlanError: the plan does not match the instance, or has only one vehicle.
     """
     rows = iterate_losses(instance, plan, effort=effort, seed=seed, fly_again=fly_again)
     after = (row for row in rows if row.from_s <= at_s + SAME_TIME_S)
@@ -124,8 +124,8 @@ def find_repairs_at(
 def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
     """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
 
-    Between two of them nothing changes, whichever vehicle is lost. Where survivors fly on as planned for a while,
-    losses that much before such a time count as well.
+    Nothing changes between two of them, whichever vehicle is lost. If survivors continue as planned for ``answer_s``,
+    times that much earlier are included too.
     """
     times = [
         time_s for route in plan.routes
@@ -135,7 +135,7 @@ def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
 
 
 def merge_times(times_s: Iterable[float], answer_s: float) -> tuple[float, ...]:
-    """Return 0, some times and what lies ``answer_s`` before them, ascending, those that are the same once."""
+    """Return 0, the given times and those ``answer_s`` before them, ascending, without duplicates."""
     events = [0.0]
     for time_s in sorted(time_s for after_s in times_s for time_s in (after_s, after_s - answer_s)):
         if time_s > events[-1] + SAME_TIME_S:
@@ -144,10 +144,10 @@ def merge_times(times_s: Iterable[float], answer_s: float) -> tuple[float, ...]:
 
 
 def check_fleet(instance: Instance) -> None:
-    """Check that somebody is left after a loss.
+    """Check that a vehicle is left after a loss.
 
     Raises:
-        PlanError: there is one vehicle only.
+        PlanError: there is only one vehicle.
     """
     if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")

@@ -1,11 +1,12 @@
-"""Plans chosen for how long they can be repaired: the largest re-plan window for a longest route of a given length.
+"""Search for plans that stay repairable: the largest re-plan window for a longest route of a given length.
 
-A window is bought with time, so the length is given: ``1 + stretch`` times the longest route of the best MinMax plan.
-Ordinary plans, in all orientations of their routes, are where the search begins; it then works on the window itself
-(kernels/robust_walk.py): it aims a step below the earliest time so far, and when it has a plan all of whose losses
-there can be repaired, the whole window of that plan is computed and the aim goes lower.
+A larger window costs time, so the length is given: ``1 + stretch`` times the longest route of the best MinMax plan. The
+search begins with ordinary plans, in all orientations of their routes; it then works on the window itself
+(kernels/robust_walk.py): it aims a step below the earliest time so far, and when it has a plan whose losses there can
+all be repaired, it computes the whole window of that plan and lowers the aim.
 
-What a longer route buys is a Pareto front: the plans that no other beats in length, energy and window at once.
+The benefit of a longer route is a Pareto front: the plans that no other plan beats in length, energy and window at
+once.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ from planner.stop_rules import (
 from planner.window import check_fleet, replan_window
 
 STRETCHES = (0.0, 0.05, 0.1, 0.2)
-"""How much longer than the best MinMax plan's the longest route may be, as shares of it."""
+"""Values by which the longest route may exceed that of the best MinMax plan, as shares of it."""
 SAME = 1e-9
-"""Figures that differ by less than this share are equal."""
+"""Relative tolerance for equal figures."""
 
 
-def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and from where
+def solve_window(  # noqa: PLR0913 - problem, search length and start
     instance: Instance,
     *,
     stretch: float,
@@ -50,26 +51,26 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> WindowResult:
-    """Return the plan with the earliest t* found whose longest route is not longer than allowed.
+    """Return the plan with the earliest t* found whose longest route is within the allowed length.
 
-    The same seed, starts and number of iterations give the same plan. An iteration is one plan looked at, whether by
-    the searches for the plans to begin with or on the window itself; the value in ``Progress`` is t* in seconds.
+    The same seed, starts and number of iterations give the same plan. An iteration is one evaluated plan, by the
+    searches for initial plans or on the window itself; the value in ``Progress`` is t* in seconds.
 
     Args:
-        instance: the problem; budgets hold always.
+        instance: the problem; its budgets always apply.
         stretch: how much longer than the best MinMax plan's the longest route may be, as a share of it.
-        stop: asked every second or more often.
-        seed: of all randomness.
+        stop: checked every second or more often.
+        seed: seed of all randomness.
         all_vehicles: leave no vehicle without a visit.
-        longest_s: the longest route of the best MinMax plan, where it is known; else one is searched for.
-        initial: plans to begin with, besides those that are searched for.
-        starts: searches side by side, each in a thread of its own; they share what is best now and then.
-        fly_again: whether vehicles that have landed may fly again after a loss.
-        params: what the searches are tuned by. Part of what decides the plan.
-        on_progress: called whenever ``stop`` is asked.
+        longest_s: the longest route of the best MinMax plan, if known; else a search finds one.
+        initial: initial plans in addition to those that the search finds.
+        starts: parallel searches, one thread each; they share their best plans from time to time.
+        fly_again: whether landed vehicles may fly again after a loss.
+        params: tuning of the searches. The plan depends on it.
+        on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        PlanError: there is one vehicle only, the stretch is negative, or a plan in ``initial`` is not one for the
+        PlanError: there is only one vehicle, the stretch is negative, or a plan in ``initial`` does not match the
             instance.
     """
     check_fleet(instance)
@@ -77,7 +78,7 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
         raise PlanError(f"the stretch is {stretch}, expected zero or more")
     for plan in initial:
         check_routes(instance, plan)
-    # Only here, as in solve.py: it loads numba.
+    # Imported here, as in solve.py: it loads numba.
     from planner.robust_search import RobustSearch
 
     search = RobustSearch(
@@ -89,17 +90,17 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
 
 @dataclass(frozen=True, slots=True)
 class ParetoPlan:
-    """A plan that no other one found beats in all three figures."""
+    """A plan that no other plan found beats in all three figures."""
 
     plan: Plan
     longest_route_s: float
     energy_pct: float
-    """Of all routes together."""
+    """Energy of all routes together."""
     window: ReplanWindow
-    """Its ``earliest_s`` is the third figure."""
+    """The window; its ``earliest_s`` is the third figure."""
 
 
-def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search, and where
+def find_pareto_front(  # noqa: PLR0913 - problem, search length and stretches
     instance: Instance,
     *,
     stop: StopRule,
@@ -113,31 +114,31 @@ def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search,
 ) -> tuple[ParetoPlan, ...]:
     """Return the plans found that no other one beats, the one with the shortest longest route first.
 
-    Windows are searched for at each stretch in turn, in rounds that grow, each from the plans of those before. What
-    competes are all plans that any of these searches looked at or was led by. None if no plan covers everything.
+    Windows are searched at each stretch in turn, in rounds that grow, each from the plans of those before. All plans
+    that these searches evaluated or started from compete. Empty if no plan covers everything.
 
     Args:
-        instance: the problem; budgets hold always.
-        stop: over all searches.
-        seed: of all randomness.
+        instance: the problem; its budgets always apply.
+        stop: the stop rule over all searches.
+        seed: seed of all randomness.
         all_vehicles: leave no vehicle without a visit.
-        starts: searches side by side for each stretch.
+        starts: parallel searches for each stretch.
         stretches: how much longer than the best MinMax plan's the longest route may be, as shares of it.
-        fly_again: whether vehicles that have landed may fly again after a loss.
-        params: what the searches are tuned by.
-        on_progress: called whenever ``stop`` is asked.
+        fly_again: whether landed vehicles may fly again after a loss.
+        params: tuning of the searches.
+        on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        PlanError: there is one vehicle only.
+        PlanError: there is only one vehicle.
     """
     check_fleet(instance)
-    # Only here, as in solve.py: it loads numba.
+    # Imported here, as in solve.py: it loads numba.
     from planner.robust_search import RobustSearch, plan_from_routes
 
     watch, done, over = Stopwatch(), 0, False
 
     def ask_over_all(progress: Progress) -> StopVerdict:
-        """Ask the stop rule with the iterations of all searches."""
+        """Check the stop rule with the iterations of all searches."""
         nonlocal over
         verdict = stop(replace(progress, iterations=done + progress.iterations))
         over = over or verdict.allowed <= 0

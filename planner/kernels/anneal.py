@@ -1,4 +1,4 @@
-"""The inside of the improvement loop: ruin, recreate, accept by simulated annealing, keep the best."""
+"""The inner loop of the improvement search: ruin, recreate, accept by simulated annealing, keep the best."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from planner.kernels.tours import (
 
 @kernel()
 def uncovered_value(problem: Problem, state: State) -> tuple[float, float]:
-    """Return the value and the prizes of the segments that no route visits."""
+    """Return the value and the prizes of the uncovered segments."""
     value = 0.0
     prizes = 0.0
     for segment in range(len(state.route_of)):
@@ -36,7 +36,7 @@ def uncovered_value(problem: Problem, state: State) -> tuple[float, float]:
 
 @kernel()
 def compute_objective(problem: Problem, weights: Weights, state: State) -> float:
-    """Return the objective of the routes, without what is left out."""
+    """Return the objective of the routes, excluding uncovered segments."""
     total = 0.0
     powers = 0.0
     empty = 0
@@ -58,7 +58,7 @@ def compute_objective(problem: Problem, weights: Weights, state: State) -> float
 
 @inner()
 def choose_seed(state: State, waiting: Ints, rng: RandomState, balance: bool) -> int:
-    """Return the segment around which to ruin: often one that is left out, or one of the longest route."""
+    """Return the segment to ruin around: often an uncovered one, or one of the longest route."""
     if len(waiting) > 0 and draw_uniform(rng) < 0.5:
         return int(waiting[draw_integer(rng, len(waiting))])
     if balance and draw_uniform(rng) < 0.5:
@@ -73,7 +73,7 @@ def choose_seed(state: State, waiting: Ints, rng: RandomState, balance: bool) ->
 
 @inner()
 def gather_waiting(state: State, waiting: Ints, out: int, most: int, rng: RandomState) -> int:
-    """Set the first entries of ``waiting`` to at most ``most`` of the ``out`` segments left out; return how many."""
+    """Fill ``waiting`` with at most ``most`` of the ``out`` uncovered segments; return how many."""
     if out == 0:
         return 0
     count = 0
@@ -89,9 +89,9 @@ def gather_waiting(state: State, waiting: Ints, out: int, most: int, rng: Random
 
 @inner()
 def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: Floats, value: float) -> bool:
-    """Copy ``trial``, which leaves out ``value``, to ``best`` if it is within the budgets and better; return whether.
+    """Copy ``trial``, which leaves out ``value``, to ``best`` if it is within budget and better; return whether it was.
 
-    Better is: less value left out, then a lower ``truth``. ``key`` (2,) holds both of the best.
+    Better means less value left out, then a lower ``truth``. ``key`` (2,) holds both figures of the best.
     """
     same_value = abs(value - key[0]) <= 1e-9 * (1.0 + key[0])
     if not same_value and value > key[0]:
@@ -107,7 +107,7 @@ def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: 
 
 @inner()
 def copy_changes(source: State, target: State, touched: Ints, moved: Ints) -> None:
-    """Copy the ``touched`` routes and the routes of the segments ``moved``; the rest is equal already."""
+    """Copy the ``touched`` routes and the owners of the ``moved`` segments; everything else is already equal."""
     for route in range(len(touched)):
         if touched[route] == 1:
             copy_route(source, target, route)
@@ -121,24 +121,24 @@ def anneal(
     key: Floats, temperature: Floats, cooling: float, iterations: int, rng: RandomState,
     memory: SearchWorkspace,
 ) -> int:  # fmt: skip
-    """Run ``iterations`` of ruin and recreate; two calls of half as many do exactly the same.
+    """Run ``iterations`` of ruin and recreate; two calls of half as many give exactly the same result.
 
     Args:
         problem: the instance.
         weights: the objective that guides acceptance and insertion.
-        truth: the objective that the best is chosen by.
-        current: where the search stands; changed.
-        trial: the same as ``current``; work space.
+        truth: the objective that selects the best state.
+        current: the current state of the search; changed.
+        trial: equal to ``current``; work space.
         best: the best state found; changed.
         key: (2,) float64, left-out value and ``truth`` of ``best``; changed.
         temperature: (1,) float64 of the annealing; changed.
         cooling: factor on the temperature after each iteration.
-        iterations: how many.
+        iterations: number of iterations.
         rng: random state.
-        memory: of this annealing; changed.
+        memory: work space of this annealing; changed.
 
     Returns:
-        The number of the last iteration, counted from 1, that found a new best; 0 if none did.
+        The last iteration, counted from 1, that found a new best; 0 if none did.
     """
     mean_removed = 10.0
     longest_string = 10.0
@@ -163,7 +163,7 @@ def anneal(
         for place in range(waits):
             pending[taken] = waiting[place]
             taken += 1
-        # The shares are those of Christiaens and Vanden Berghe (2020); the value stands for their demand.
+        # The shares are those of Christiaens and Vanden Berghe (2020); value replaces their demand.
         sort_pending(problem, pending[:taken], keys, 4, 4, 2, 1, rng)
         for place in range(taken):
             route = insert_cheapest(problem, weights, trial, pending[place], blink, touched, memory, rng)

@@ -1,7 +1,7 @@
 """The arrays that all kernels share.
 
-Named tuples rather than classes: numba sees through them at no cost, and the arrays in them change in place. Those that
-are work space name the shape of each array in its annotation: ``allocate`` makes them.
+Named tuples rather than classes: numba reads them at no cost, and their arrays change in place. Work space tuples state
+the shape of each array in its annotation: ``allocate`` builds them.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ SpaceT = TypeVar("SpaceT")
 
 
 def allocate(kind: Callable[..., SpaceT], **sizes: int) -> SpaceT:
-    """Return a named tuple of zeros, and of named tuples of zeros.
+    """Return a named tuple of zeros, nested named tuples included.
 
     Args:
-        kind: Its class; the annotation of each array says its shape, such as `k n+1`.
-        sizes: What the names in shapes stand for.
+        kind: The class; the annotation of each array gives its shape, such as `k n+1`.
+        sizes: The sizes of the names used in shapes.
     """
     entries = [
         allocate(part, **sizes) if shape is None else np.zeros([_size_of(one, sizes) for one in shape], dtype=part)
@@ -49,7 +49,7 @@ def _size_of(name: str, sizes: dict[str, int]) -> int:
 
 @cache
 def _find_layout(kind: Callable[..., object]) -> list[tuple[Any, list[str] | None]]:
-    """Return the type of each array's figures and its shape; of a named tuple its class and None."""
+    """Return each array's dtype and shape; for a nested named tuple, its class and None."""
     found: list[tuple[Any, list[str] | None]] = []
     for hint in get_type_hints(kind, include_extras=True).values():
         if get_origin(hint) is Annotated:
@@ -61,88 +61,88 @@ def _find_layout(kind: Callable[..., object]) -> list[tuple[Any, list[str] | Non
 
 
 class Problem(NamedTuple):
-    """An instance for the kernels: ``n`` segments, ``k`` vehicles, ``p`` profiles, energies in percent of a battery."""
+    """An instance for the kernels: ``n`` segments, ``k`` vehicles, ``p`` profiles; energies in percent of a battery."""
 
     profile: Ints
-    """(k,): for each vehicle, which moves are its own."""
+    """(k,): index of each vehicle's profile in ``move``."""
     move: Cube
-    """(p, 2n, 2n): [., i, j] from the end of visit i to the end of visit j, for a consumption of 1."""
+    """(p, 2n, 2n): energy [., i, j] from the end of visit i to the end of visit j, for a consumption of 1."""
     move_into: Cube
-    """(p, 2n, 2n): the same, [., j, i], so that all ways into a visit lie side by side in memory."""
+    """(p, 2n, 2n): the transpose, [., j, i], so that all moves into a visit are contiguous in memory."""
     start: Table
-    """(k, 2n): from the vehicle's start to the end of a visit."""
+    """(k, 2n): energy from the vehicle's start to the end of a visit."""
     home: Table
-    """(k, 2n): from the end of a visit home."""
+    """(k, 2n): energy from the end of a visit to the landing place."""
     idle: Floats
-    """(k,): a route without a visit."""
+    """(k,): energy of a route without a visit."""
     consumption: Floats
-    """(k,): factor on ``move``."""
+    """(k,): factor applied to ``move``."""
     budget: Floats
-    """(k,): no route of the best plan that has a visit is over this."""
+    """(k,): upper limit for every route with a visit in the best plan."""
     value: Floats
-    """(n,): what a plan loses by leaving a segment out; positive."""
+    """(n,): cost to the plan of leaving a segment out; positive."""
     prize: Floats
     """(n,): the same in percent of a battery, as the search weighs it against energy."""
     effort: Floats
-    """(n,): the least energy of a route of this segment alone."""
+    """(n,): least energy of a route that visits this segment only."""
     near: IntTable
-    """(n, m): the segments nearest to a segment, itself first."""
+    """(n, m): nearest segments of each segment, starting with the segment itself."""
     twin: Ints
-    """(k,): the vehicle before it that is equal in everything, -1 if there is none: of idle twins one is tried."""
+    """(k,): an earlier vehicle with identical data, -1 for none: only one of several idle twins is tried."""
 
 
 class Weights(NamedTuple):
-    """The objective that guides the search; its terms are added."""
+    """The objective that guides the search: a sum of weighted terms."""
 
     total: float
-    """Of the sum of all routes' energies."""
+    """Weight of the total energy of all routes."""
     peak: float = 0.0
-    """Of the largest."""
+    """Weight of the largest load."""
     norm: float = 0.0
-    """Of their p-norm: a max that also feels the second largest."""
+    """Weight of the p-norm of the loads: a maximum that also reacts to the second largest."""
     power: float = 1.0
-    """The p of it, a whole number."""
+    """Exponent p of the norm, a whole number."""
     scale: float = 1.0
-    """Loads are divided by this before they are raised to p; positive."""
+    """Divisor of the loads before they are raised to p; positive."""
     prize: float = 0.0
-    """Of the prizes of segments left out."""
+    """Weight of the prizes of uncovered segments."""
     empty: float = 0.0
-    """For each route without a visit; 0 unless all vehicles must fly."""
+    """Cost of each route without a visit; 0 unless all vehicles must fly."""
     excess: float = 0.0
-    """Of the energy beyond budgets."""
+    """Weight of the energy beyond budgets."""
     slack: float = 0.0
-    """How far beyond its budget the search may take a route on its way, as a share of the budget."""
+    """Amount by which the search may temporarily exceed a route's budget, as a share of the budget."""
 
 
 class State(NamedTuple):
-    """Routes under work. ``k`` routes of at most ``n`` visits."""
+    """The routes that the search changes: ``k`` routes of at most ``n`` visits."""
 
     visits: Annotated[IntTable, "k n"]
-    """The first ``lengths[r]`` entries of row r are the route."""
+    """Row r holds route r in its first ``lengths[r]`` entries."""
     legs: Annotated[Table, "k n+1"]
-    """Energy of the move that ends with visit p; entry ``lengths[r]`` is the way home."""
+    """Energy of the move that ends with visit p; entry ``lengths[r]`` is the return leg."""
     lengths: Annotated[Ints, "k"]
     loads: Annotated[Floats, "k"]
-    """Energy of the route."""
+    """Energy of each route."""
     route_of: Annotated[Ints, "n"]
-    """The route that visits the segment, -1 if none does."""
+    """Route that visits the segment, -1 for none."""
 
 
 class SearchWorkspace(NamedTuple):
-    """Work space of an annealing: lists, and the cheapest places found with the versions of the routes in question."""
+    """Work space of an annealing: lists, and the cheapest positions found with the versions of their routes."""
 
     waiting: Annotated[Ints, "n"]
     pending: Annotated[Ints, "n"]
     keys: Annotated[Floats, "n"]
     touched: Annotated[Ints, "k"]
-    """Zeros."""
+    """Zeros between two uses."""
     came_from: Annotated[IntTable, "n 2"]
 
     versions: Annotated[Ints, "k"]
-    """Positive, counted up whenever a route changes for good."""
+    """Route versions: positive, incremented whenever a change to a route is accepted."""
     version: Annotated[IntTable, "n k"]
-    """Of the route when the place for the segment was looked for; 0 if never."""
+    """Route version for which the position of the segment was computed; 0 if never."""
     added: Annotated[Table, "n k"]
-    """What the segment adds to the route there."""
+    """Energy that the segment adds to the route at that position."""
     place: Annotated[IntTable, "n k"]
-    """2 * position + 1 if it is visited in reverse."""
+    """2 * position, plus 1 if the segment is flown in reverse."""

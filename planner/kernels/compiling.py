@@ -1,13 +1,13 @@
-"""How kernels are compiled, for what the names of their arrays say, and kept on disk.
+"""Compiles kernels for the types in their annotations and caches them on disk.
 
-Kernels are kept on disk, without Python's lock and numba's reference counts. numba counts references to arrays with an
-atomic operation each, for every array of every named tuple that is handed on. Without it (an option of its compiler
-that its documentation leaves out) an annealing is several times as fast, starts in threads do not fight for the
-counters, and compiling takes half the time. A kernel without counts makes no array: its work space is handed in.
+Kernels are compiled without the GIL and without numba's reference counts. numba counts references to arrays with an
+atomic operation for every array of every named tuple passed on. Without counts (a compiler option that numba does not
+document) an annealing is several times as fast, starts in threads do not contend for the counters, and compiling takes
+half the time. A kernel without counts allocates no array: the caller passes its work space.
 
-numba notices a change in the file of a kernel, not in the files of the kernels that it calls (numba #1833), and by
-default writes beside the sources, which may be read-only. So the kernels are cached in a directory of the user's,
-one for each state of all their sources and each numba.
+numba notices a change in a kernel's own file, not in the files of the kernels that it calls (numba #1833), and by
+default writes its cache next to the sources, which may be read-only. So the kernels are cached in a user directory, one
+for each state of all their sources and each numba version.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def kernel(*, counted: bool = False, inline: bool = False) -> Callable[[Function
     """Return the decorator of a kernel that Python calls.
 
     Args:
-        counted: whether it makes arrays of its own.
-        inline: as ``inner`` has it.
+        counted: whether the kernel allocates arrays.
+        inline: as for ``inner``.
     """
     options: dict[str, Any] = {} if counted else {"_nrt": False}
     return _build_compiler(forceinline=inline, **options)
@@ -47,7 +47,7 @@ def inner(*, inline: bool = False) -> Callable[[Function], Function]:
     """Return the decorator of a kernel that only other kernels call.
 
     Args:
-        inline: whether it is put into each of its callers, as short or hot ones are.
+        inline: whether to inline it into each caller, for short or hot kernels.
     """
     return _build_compiler(forceinline=inline, _nrt=False, no_cpython_wrapper=True)
 
@@ -70,12 +70,12 @@ def _build_compiler(**options: Any) -> Callable[[Function], Function]:
 
 @cache
 def _log_compiling() -> None:
-    """Log, once in a process, what a first start waits for."""
+    """Log once per process that the first start waits for compiling."""
     LOGGER.info("compiling the planner for this computer, once: about half a minute")
 
 
 def find_type(hint: Any) -> Any:
-    """Return what numba compiles for, from the hint of an argument, a result or an entry of a named tuple."""
+    """Return the numba type for the annotation of an argument, a result or a named tuple field."""
     if hint in SCALARS:
         return SCALARS[hint]
     if get_origin(hint) is Annotated:
@@ -87,7 +87,7 @@ def find_type(hint: Any) -> Any:
 
 
 def use_cache() -> None:
-    """Have numba keep the kernels that are declared from now on in ``make_cache_directory``."""
+    """Set ``make_cache_directory`` as numba's cache for all kernels declared from now on."""
     numba.config.CACHE_DIR = str(make_cache_directory(numba.__version__))  # type: ignore[attr-defined] # set at run time
 
 
@@ -101,11 +101,10 @@ def compute_sources_digest(version: str) -> str:
 
 
 def make_cache_directory(version: str) -> Path:
-    """Return a directory for compiled kernels, made and writable.
+    """Create and return a writable directory for compiled kernels.
 
-    It lies in NUMBA_CACHE_DIR if that is set, else in the user's cache directory. Where neither can be written it is
-    a private one that goes when the process ends: a predictable name in a shared directory would let others plant
-    code.
+    Uses NUMBA_CACHE_DIR if set, else the user's cache directory. If neither is writable, it is a private directory that
+    is deleted when the process ends: a predictable name in a shared directory would let other users plant code.
     """
     chosen = _find_user_cache() / f"kernels-{compute_sources_digest(version)}"
     try:

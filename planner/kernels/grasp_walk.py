@@ -1,4 +1,4 @@
-"""The paper's GRASP from inside: greedy randomised construction, four neighbourhoods, the tabu search over them."""
+"""Kernels of the paper's GRASP: greedy randomised construction, four neighbourhoods, tabu search over them."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from planner.kernels.tours import copy_route, draw_integer, draw_uniform, insert
 
 
 class GraspWalk(NamedTuple):
-    """One run of the local search, between two rounds."""
+    """State of one run of the local search between two rounds."""
 
     current: State
-    """Where it stands."""
+    """The current solution."""
     trial: State
-    """The same between two neighbours; work space."""
+    """Equal to ``current`` between two neighbours; work space."""
     best: State
-    """The best of the run."""
+    """The best solution of the run."""
     cost: Floats
-    """(1,): of ``best``."""
+    """(1,): cost of ``best``."""
     scores: Ints
-    """(4,): how often each neighbourhood is drawn, in relation to the others."""
+    """(4,): relative frequency with which each neighbourhood is drawn."""
     counts: Ints
-    """(3,): solutions that entered the tabu list, rounds, rounds since the last improvement."""
+    """(3,): number of solutions entered in the tabu list, of rounds, and of rounds since the last improvement."""
     tabu: Ints
     """(m,): fingerprints of the last m solutions."""
 
 
 @kernel(counted=True)
 def penalised_cost(problem: Problem, weights: Weights, route: int, load: float) -> float:
-    """Return what a route of this load costs: the load, and what is beyond the budget at its weight."""
+    """Return the cost of a route with this load: the load plus its weighted excess over the budget."""
     return float(load + weights.excess * max(0.0, load - problem.budget[route]))
 
 
 @kernel(counted=True)
 def added_energy(problem: Problem, state: State, route: int, position: int, visit: int) -> float:
-    """Return the energy that a visit adds to a route when it is inserted."""
+    """Return the energy that inserting a visit adds to a route."""
     length = state.lengths[route]
     visits = state.visits[route]
     consumption = problem.consumption[route]
@@ -52,7 +52,7 @@ def added_energy(problem: Problem, state: State, route: int, position: int, visi
 
 @kernel(counted=True)
 def load_of(problem: Problem, state: State, route: int) -> float:
-    """Return the load of a route that has a visit, from its visits alone."""
+    """Return the load of a route with at least one visit, computed from its visits."""
     length = state.lengths[route]
     visits = state.visits[route]
     move = problem.move[problem.profile[route]]
@@ -65,7 +65,7 @@ def load_of(problem: Problem, state: State, route: int) -> float:
 
 @kernel(counted=True)
 def choose_giving_route(state: State, rng: RandomState) -> int:
-    """Return a random route of two visits or more; where there is none, one with a visit."""
+    """Return a random route with at least two visits; if there is none, one with a visit."""
     least = 1
     for route in range(len(state.lengths)):
         if state.lengths[route] >= 2:
@@ -90,10 +90,10 @@ def remove_visit(problem: Problem, state: State, route: int, position: int) -> i
 
 @kernel(counted=True)
 def shift_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[int, int]:
-    """Move a random visit to a random place, of its own route or of another's, in the better direction.
+    """Move a random visit to a random position of any route, in the better direction.
 
     Returns:
-        The routes that were changed, as the other neighbourhoods do.
+        The changed routes, as for the other neighbourhoods.
     """
     one = choose_giving_route(state, rng)
     position = draw_integer(rng, state.lengths[one])
@@ -115,11 +115,12 @@ def shift_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[i
 
 @kernel(counted=True)
 def shift_best(problem: Problem, weights: Weights, state: State, rng: RandomState) -> tuple[int, int]:
-    """Move a random visit to the best place found behind another visit, in either direction.
+    """Move a random visit to the best position found behind another visit, in either direction.
 
-    A place is judged by what its route would cost, plus what the route of the best place so far costs without the
-    visit; if these are one route, it counts twice. The first direction that makes a place the best is taken. So the
-    search for a place depends on its order and leans towards short routes, as in the authors' solver.
+    The score of a position is the cost of its route with the visit, plus the cost without the visit of the route that
+    holds the best position so far; if both are the same route, it counts twice. The first direction that makes a
+    position the best is kept. So the result depends on the search order and favours short routes, as in the authors'
+    solver.
     """
     one = choose_giving_route(state, rng)
     best_route = one
@@ -149,17 +150,17 @@ def shift_best(problem: Problem, weights: Weights, state: State, rng: RandomStat
 
 @kernel(counted=True)
 def swap_visits(state: State, one: int, position: int, other: int, place: int) -> None:
-    """Exchange two visits; legs and loads are the caller's."""
+    """Exchange two visits; the caller updates legs and loads."""
     visits = state.visits
     visits[one, position], visits[other, place] = visits[other, place], visits[one, position]
 
 
 @kernel(counted=True)
 def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState) -> tuple[int, int]:
-    """Exchange a random visit with the one that promises most, each in either direction.
+    """Exchange a random visit with the most promising other visit, each in either direction.
 
-    A partner is judged by what the two routes cost together, one route twice, while the exchanges tried before it are
-    still in place: so it is in the authors' solver, and it makes the choice a rather random one.
+    The score of a partner is the joint cost of both routes, one route twice, with all exchanges tried earlier still
+    applied: the authors' solver does this, and it makes the choice rather random.
     """
     one = choose_giving_route(state, rng)
     position = draw_integer(rng, state.lengths[one])
@@ -199,7 +200,7 @@ def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState
 
 @kernel(counted=True)
 def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[int, int]:
-    """Turn a random visit around."""
+    """Reverse a random visit."""
     one = draw_integer(rng, len(state.lengths))
     while state.lengths[one] == 0:
         one = draw_integer(rng, len(state.lengths))
@@ -210,10 +211,10 @@ def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[in
 
 @kernel(counted=True)
 def construct(problem: Problem, weights: Weights, state: State, never: float, rng: RandomState) -> None:
-    """Insert all segments into the empty routes of ``state``, each time at random from a restricted candidate list.
+    """Insert all segments into the empty routes of ``state``, each drawn from a restricted candidate list.
 
-    The list holds the quarter of all insertions whose route, budget soft, is the cheapest afterwards. What adds
-    ``never`` or more is none.
+    The list holds the quarter of all insertions with the cheapest resulting routes, the budget being soft. An insertion
+    that adds ``never`` or more is excluded.
     """
     segments = len(state.route_of)
     routes = len(state.lengths)
@@ -246,7 +247,7 @@ def construct(problem: Problem, weights: Weights, state: State, never: float, rn
 
 @kernel(counted=True)
 def fingerprint(state: State) -> int:
-    """Return a number that two different solutions hardly ever share."""
+    """Return a hash of the solution; collisions are very unlikely."""
     print_of = 0
     for route in range(len(state.lengths)):
         for position in range(state.lengths[route]):
@@ -267,14 +268,14 @@ def is_trial_tabu(walk: GraspWalk) -> bool:
 
 @kernel(counted=True)
 def forbid_current(walk: GraspWalk) -> None:
-    """Enter ``current`` in the tabu list, in the place of its oldest entry if it is full."""
+    """Add ``current`` to the tabu list; if the list is full, replace the oldest entry."""
     walk.tabu[walk.counts[0] % len(walk.tabu)] = fingerprint(walk.current)
     walk.counts[0] += 1
 
 
 @kernel(counted=True)
 def draw_neighbourhood(scores: Ints, rng: RandomState) -> int:
-    """Return a neighbourhood, each with the probability of its share in all scores."""
+    """Draw a neighbourhood with a probability proportional to its score."""
     number = draw_integer(rng, scores.sum())
     kind = 0
     while number >= scores[kind]:
@@ -287,10 +288,10 @@ def draw_neighbourhood(scores: Ints, rng: RandomState) -> int:
 def improve_by_neighbours(
     problem: Problem, weights: Weights, walk: GraspWalk, draws: int, rng: RandomState
 ) -> tuple[int, int]:
-    """Move ``current`` to the first neighbour drawn that is not tabu, then to each that is better than the last.
+    """Move ``current`` to the first drawn neighbour that is not tabu, then to each one better than the last.
 
     Returns:
-        The neighbourhood that led to where it stands then, -1 if all neighbours were tabu; the one drawn last.
+        The neighbourhood that led to the final solution, -1 if all neighbours were tabu; and the last one drawn.
     """
     lowest = np.inf
     winner = -1
@@ -319,13 +320,13 @@ def improve_by_neighbours(
 
 @kernel(counted=True)
 def improve(problem: Problem, weights: Weights, walk: GraspWalk, rounds: int, patience: int, rng: RandomState) -> int:
-    """Run rounds of the local search; return how many, fewer than asked where ``patience`` ended the run.
+    """Run rounds of the local search; return how many ran, fewer than ``rounds`` if ``patience`` ended the run.
 
     Args:
         problem: the instance.
         weights: the cost function.
         walk: the run; changed.
-        rounds: at most so many.
+        rounds: maximum number of rounds.
         patience: rounds without improvement that end the run.
         rng: random state.
     """

@@ -1,8 +1,8 @@
-"""What is proved of small instances and of re-plans: all sets of segments, and a lower bound on the energy of plans.
+"""Proofs for small instances and re-plans: all subsets of segments, and a lower bound on the energy of plans.
 
-A set of segments is a number whose bit s says whether segment s is in it. Held and Karp's dynamic program (1962) with
-two visits for each segment finds the best route of one vehicle through each: a few milliseconds for 14 segments, four
-times that for each two more. Their spanning trees with potentials (1971) give the bound.
+A subset is a number whose bit s is set if it holds segment s. Held and Karp's dynamic program (1962), with two visits
+for each segment, finds one vehicle's best route through each subset: a few milliseconds for 14 segments, four times
+that for each two more. Their spanning trees with potentials (1971) give the bound.
 """
 
 from __future__ import annotations
@@ -15,17 +15,18 @@ from planner.kernels.compiling import kernel
 
 @kernel(counted=True)
 def find_best_routes(start: Floats, home: Floats, move: Table, most: float, spent: Table, energy: Floats) -> None:
-    """Find the least energy of a route through exactly the segments of each set.
+    """Compute the least energy of a route through exactly the segments of each subset.
 
-    The figures are added in the order of ``evaluate.py``, so they are the same to the last bit.
+    Figures are added in the order of ``evaluate.py``, so results match it to the last bit.
 
     Args:
-        start: (2n,) from the vehicle's start to the end of a visit.
-        home: (2n,) from the end of a visit home.
-        move: (2n, 2n) from the end of visit i to the end of visit j, with the vehicle's consumption.
-        most: what a route may spend; routes beyond it are not looked for.
-        spent: (2^n, 2n) set to what is spent at the end of visit j when it is the last of a set; inf without a route.
-        energy: (2^n,) set to the energy of the best route, inf without one; entry 0, no visit, is left alone.
+        start: (2n,) energy from the vehicle's start to the end of a visit.
+        home: (2n,) energy from the end of a visit to the landing place.
+        move: (2n, 2n) energy from the end of visit i to the end of visit j, with the vehicle's consumption.
+        most: energy limit of a route; routes beyond it are not searched.
+        spent: (2^n, 2n) set to the energy spent at the end of visit j when it is the last of a subset; inf without a
+            route.
+        energy: (2^n,) set to the energy of the best route, inf without one; entry 0, no visit, is left unchanged.
     """
     visits = len(start)
     members = np.empty(visits // 2, dtype=np.int64)
@@ -50,7 +51,7 @@ def find_best_routes(start: Floats, home: Floats, move: Table, most: float, spen
                         last = 2 * members[other]
                         least = min(least, spent[before, last] + move[last, visit])
                         least = min(least, spent[before, last + 1] + move[last + 1, visit])
-                # No move gives energy back, so what is beyond the limit now never leads to a route within it.
+                # Moves never return energy, so a partial route beyond the limit cannot lead to a route within it.
                 if least <= most:
                     spent[chosen, visit] = least
                     shortest = min(shortest, least + home[visit])
@@ -59,15 +60,15 @@ def find_best_routes(start: Floats, home: Floats, move: Table, most: float, spen
 
 @kernel()
 def join_sets(cost: Floats, own: Floats, longest: bool, complete: bool, together: Floats, part_of: Ints) -> None:
-    """Find what some vehicles and one more cover together at the least cost: 3^n steps at most.
+    """Compute the least cost at which some vehicles and one more cover each subset together: at most 3^n steps.
 
     Args:
-        cost: (2^n,) of each set that the vehicles so far cover, infinite where they cannot.
-        own: (2^n,) the same of the next vehicle.
-        longest: whether the larger of the two counts instead of their sum.
-        complete: whether the next vehicle takes all that is left: only the set of everything is looked at.
-        together: (2^n,) all infinite; set to what it is together.
-        part_of: (2^n,) set to the next vehicle's part, where they can.
+        cost: (2^n,) cost of each subset for the vehicles so far, infinite if infeasible.
+        own: (2^n,) the same for the next vehicle.
+        longest: whether the larger of the two costs counts instead of their sum.
+        complete: whether the next vehicle takes all that is left: only the full set is evaluated.
+        together: (2^n,) all infinite; set to the joint cost.
+        part_of: (2^n,) set to the next vehicle's part where the subset is feasible.
     """
     everything = len(cost) - 1
     for chosen in range(len(cost)):
@@ -91,17 +92,17 @@ def grow_tree(
     links: Table, potential: Floats, distance: Floats, inner: Ints, outer: Ints,
     degree: Floats, used: Floats, last: Ints,
 ) -> float:  # fmt: skip
-    """Return the cost of the least spanning tree (Prim); count the end points and the vehicles that it uses.
+    """Return the cost of the minimum spanning tree (Prim); count the end points and the vehicles that it uses.
 
     Args:
         links: as for ``compute_tree_bound``.
-        potential: (2m,), added to the cost of what joins an end point.
+        potential: (2m,), added to the cost of each edge at an end point.
         distance: (m,), the least cost of entering a segment from the root; changed.
-        inner: (m,), at which end point; changed.
-        outer: (m,), from which one, or -1 - r from the start of vehicle r; changed.
-        degree: (2m,), counted up.
-        used: (r,), counted up.
-        last: (r,), the end point from which a vehicle that is used goes home.
+        inner: (m,), the end point where it is entered; changed.
+        outer: (m,), the end point it is entered from, or -1 - r for the start of vehicle r; changed.
+        degree: (2m,), incremented.
+        used: (r,), incremented.
+        last: (r,), the end point from which a used vehicle returns.
     """
     segments = len(distance)
     points = 2 * segments
@@ -142,19 +143,19 @@ def compute_tree_bound(
 ) -> float:  # fmt: skip
     """Return a lower bound on the cost of visiting ``m`` segments with ``r`` vehicles.
 
-    Every segment is entered once, from another one or from a start, so the entries form a spanning tree of the
-    segments and one root. Every end point has one transit or way home. Potentials of the end points, and of the
-    vehicles that start at most once, charge trees that do otherwise; any potentials give a bound, ascent along the
-    subgradient a good one.
+    Every segment is entered once, from another segment or from a start, so the entries form a spanning tree of the
+    segments and one root. Every end point has one transit or return leg. Potentials of the end points, and of the
+    vehicles that start at most once, penalise trees that violate this; any potentials give a bound, subgradient ascent
+    gives a good one.
 
     Args:
-        links: (2m, 2m), the least cost of a transit between end points, whichever way it is flown; symmetric.
-        starts: (r, 2m), of entering a segment at an end point from a vehicle's start.
-        homes: (r, 2m), from an end point home.
-        idle: (r,), of a vehicle that is not used.
-        once: (r,), 1 for vehicles that start once at most.
-        enough: end when the bound is above this.
-        iterations: of the ascent, at most.
+        links: (2m, 2m), the least cost of a transit between end points in either direction; symmetric.
+        starts: (r, 2m), cost of entering a segment at an end point from a vehicle's start.
+        homes: (r, 2m), cost of the return leg from an end point.
+        idle: (r,), cost of an unused vehicle.
+        once: (r,), 1 for vehicles that start at most once.
+        enough: stop when the bound exceeds this.
+        iterations: maximum number of ascent iterations.
     """
     points = len(links)
     segments = points // 2
@@ -162,7 +163,7 @@ def compute_tree_bound(
     potential = np.zeros(points)
     price = np.zeros(fleet)
     for vehicle in range(fleet):
-        if once[vehicle] == 1:  # what it saves by landing from elsewhere it saves once
+        if once[vehicle] == 1:  # the saving from landing elsewhere counts once
             price[vehicle] = max(0.0, idle[vehicle] - homes[vehicle].min())
     best = -np.inf
     step = 1.0

@@ -1,8 +1,8 @@
-"""What a loss leaves, its repairs, and all losses of a plan from its end on.
+"""The problem after a loss, its repairs, and all losses of a plan, scanned from the end.
 
-A loss changes where survivors start, what they may still spend, and which segments are open; ``begin_loss`` writes
-that into arrays of its own, in the numbering of the whole instance: nothing is copied for what is left open.
-``planner.replan`` is the definition of the state after a loss.
+A loss changes where survivors start, what they may still spend, and which segments are open. ``begin_loss`` writes that
+to separate arrays in the numbering of the full instance, so open segments are not copied. ``planner.replan`` defines
+the state after a loss.
 
 A repair is a state that visits exactly the open segments. Its *excess* is the energy that its routes lack, in percent
 of a battery.
@@ -34,24 +34,24 @@ from planner.kernels.tours import (
 )
 
 SAME_TIME_S = 1e-9
-"""As in replan.py: a visit that ends this little after the loss has ended."""
+"""Time tolerance, as in replan.py: a visit that ends within it after the loss counts as ended."""
 EXCESS_WEIGHT = 1.5
-"""What a percent beyond a budget costs a repair besides itself."""
+"""Additional cost in a repair of each percent beyond a budget."""
 HOT = 0.5
-"""Temperature at the begin of a long repair, in mean routes of one segment alone."""
+"""Start temperature of a long repair, in mean energies of a single-segment route."""
 WARM = 0.05
-"""The same of a short repair: it stays near where it begins."""
+"""Start temperature of a short repair, in the same unit: the repair stays close to its first state."""
 COLD = 0.005
-"""Temperature at the end."""
+"""End temperature."""
 LONG = 200
-"""Iterations from which on a repair is long."""
+"""Iterations from which a repair counts as long."""
 
 
 class LossTiming(NamedTuple):
-    """What a loss needs besides the energies of ``Problem``."""
+    """The data that a loss needs in addition to the energies of ``Problem``."""
 
     move_s: Cube
-    """(p, 2n, 2n): seconds of the moves."""
+    """(p, 2n, 2n): duration of the moves, seconds."""
     start_s: Table
     """(k, 2n)"""
     home_s: Table
@@ -61,42 +61,42 @@ class LossTiming(NamedTuple):
     depot: Table
     """(k, 2n): energy from the landing place to the end of a visit, with the vehicle's own consumption."""
     airborne: Ints
-    """(k,): 1 for vehicles that are in the air when the plan starts."""
+    """(k,): 1 for vehicles that are airborne when the plan starts."""
     answer_s: float
-    """How long after a loss survivors fly on as planned."""
+    """Seconds that survivors continue as planned after a loss."""
 
 
 class LossClock(NamedTuple):
-    """When and at what expense the visits of a plan end."""
+    """End times and energies of a plan's visits."""
 
     ends_s: Annotated[Table, "k n"]
-    """When visit p of a route ends."""
+    """End time of visit p of each route."""
     spent: Annotated[Table, "k n"]
-    """What its vehicle has spent by then."""
+    """Energy that the vehicle has spent by then."""
     durations_s: Annotated[Floats, "k"]
-    """Landing place reached."""
+    """Duration of each route up to the landing."""
 
 
 class Loss(NamedTuple):
-    """The problem that a loss leaves."""
+    """The problem after a loss."""
 
     problem: Problem
-    """With ``start``, ``idle`` and ``budget`` of its own; a budget below 0 is that of a vehicle that does not fly."""
+    """A problem with its own ``start``, ``idle`` and ``budget``; a budget below 0 marks a vehicle that does not fly."""
     is_open: Annotated[Ints, "n"]
-    """1 for segments to be visited."""
+    """1 for segments that must be visited."""
     done: Annotated[Ints, "k"]
-    """How many visits of the plan have ended."""
+    """Number of completed visits of the plan for each vehicle."""
     keeper: Ints
-    """(n,): the vehicle that alone is given a segment, -1 for none; (0,) where no segment has one."""
+    """(n,): vehicle that a segment is locked to, -1 for none; (0,) if no segment is locked."""
     lifted: Ints
-    """(1,): the vehicle of which ``problem`` is without locks, -1 for none; with locks its moves are its own."""
+    """(1,): lost vehicle with lifted locks in ``problem``, -1 for none; with locks, ``problem`` has its own moves."""
     barred_pct: float
-    """What a visit costs more that a vehicle must not make."""
+    """Additional cost of a visit that a vehicle must not make."""
 
 
 @kernel()
 def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossClock, route: int) -> None:
-    """Set times and expenses of a route that is measured."""
+    """Set end times and energies of a measured route."""
     length = base.lengths[route]
     if length == 0:
         clock.durations_s[route] = timing.idle_s[route]
@@ -117,7 +117,7 @@ def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossCloc
 
 @inner()
 def switch_lifted_locks(problem: Problem, loss: Loss, lost: int) -> None:
-    """Have everybody be given what a vehicle alone was, and no longer what the one lost before alone was."""
+    """Lift the locks of the lost vehicle and restore those of the one lost before."""
     before, own = loss.lifted[0], loss.problem
     if before == lost:
         return
@@ -146,7 +146,7 @@ def begin_loss(
     fly_again: bool,
     loss: Loss,
 ) -> None:
-    """Set ``loss`` to what the loss of a vehicle at a time leaves of the plan ``base``."""
+    """Set ``loss`` to the problem that the loss of a vehicle at a given time leaves of the plan ``base``."""
     switch_lifted_locks(problem, loss, lost)
     for segment in range(len(base.route_of)):
         loss.is_open[segment] = int(base.route_of[segment] < 0)
@@ -189,15 +189,15 @@ class RepairWorkspace(NamedTuple):
     opened: Annotated[Ints, "n"]
     """The open segments."""
     missing: Annotated[Ints, "n"]
-    """Those that no route visits yet."""
+    """Segments that no route visits yet."""
     pending: Annotated[Ints, "n"]
-    """Those taken out."""
+    """Segments that were removed."""
     keys: Annotated[Floats, "n"]
     touched: Annotated[Ints, "k"]
     """Zeros between two uses."""
     came_from: Annotated[IntTable, "n 2"]
     spare: Annotated[Ints, "n"]
-    """Visits on their way from one route to another."""
+    """Visits in transfer from one route to another."""
     current: State
     trial: State
     other: State
@@ -207,9 +207,9 @@ class RepairWorkspace(NamedTuple):
 def insert_at_least_cost(
     problem: Problem, state: State, segment: int, blink: float, within: bool, rng: RandomState
 ) -> int:
-    """Insert a segment where energy and what it lacks grow least; return the route, -1 if there is no place.
+    """Insert a segment where energy plus missing energy grows least; return the route, -1 if no position exists.
 
-    ``within`` the budgets, or else wherever somebody flies.
+    With ``within``, only within the budgets; otherwise into any vehicle that flies.
     """
     best = np.inf
     best_route = -1
@@ -220,7 +220,7 @@ def insert_at_least_cost(
         if budget < 0.0:
             continue
         added, position, visit = find_cheapest_place(problem, state, route, segment, blink, rng)
-        if added == np.inf and not within:  # all places were overlooked
+        if added == np.inf and not within:  # all positions were skipped by blinks
             added, position, visit = find_cheapest_place(problem, state, route, segment, 0.0, rng)
         over = state.loads[route] + added - budget
         gain = added
@@ -242,10 +242,11 @@ def insert_at_least_cost(
 def begin_repair(
     loss: Loss, base: State, earlier: State, follow: bool, state: State, desk: RepairWorkspace, rng: RandomState
 ) -> None:
-    """Set ``state`` to a first repair: survivors keep their tails, what is open is inserted by regret.
+    """Set ``state`` to a first repair: survivors keep their tails, open segments are inserted by regret.
 
-    With ``follow`` they keep the visits of an ``earlier`` repair instead, of this loss at another time or of a plan
-    that differs a little, after the visits of their own that it knows nothing of because they were to end before it.
+    With ``follow`` they keep the visits of an ``earlier`` repair instead, made for this loss at another time or for a
+    slightly different plan. These come after their own visits that the earlier repair does not hold because they were
+    due to end before it.
     """
     problem = loss.problem
     segments = len(state.route_of)
@@ -287,7 +288,7 @@ def begin_repair(
 
 @inner()
 def choose_ruin_seed(problem: Problem, state: State, opened: Ints, count: int, rng: RandomState) -> int:
-    """Return the open segment around which to ruin: often one of a route that lacks energy."""
+    """Return the open segment to ruin around: often one of a route that lacks energy."""
     if draw_uniform(rng) < 0.5:
         worst = -1
         most = 0.0
@@ -312,7 +313,7 @@ def sum_of(figures: Floats) -> float:
 
 @inner()
 def is_fleet_empty(problem: Problem) -> bool:
-    """Return whether no vehicle is left to take a visit."""
+    """Return whether no vehicle is left that can take a visit."""
     most = -1.0
     for route in range(len(problem.budget)):
         most = max(most, problem.budget[route])
@@ -321,13 +322,13 @@ def is_fleet_empty(problem: Problem) -> bool:
 
 @inner()
 def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng: RandomState) -> float:
-    """Ruin and recreate until no route lacks energy, ``iterations`` at most; return what the best one lacks.
+    """Ruin and recreate until no route lacks energy, at most ``iterations`` times; return what the best repair lacks.
 
     Args:
         loss: the problem.
         best: set to the repair that lacks least.
         desk: work space; ``current`` is a first repair.
-        iterations: how many at most.
+        iterations: maximum number of iterations.
         rng: random state.
     """
     problem, current, trial = loss.problem, desk.current, desk.trial
@@ -335,7 +336,7 @@ def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng:
     routes = len(current.lengths)
     copy_all(current, best)
     least = total_excess(problem, current)
-    # Routes of one segment alone are the scale of what a repair gains or loses.
+    # Energies of single-segment routes set the scale of a repair's gains and losses.
     alone = 0.0
     count = 0
     for segment in range(len(loss.is_open)):
@@ -344,7 +345,7 @@ def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng:
             alone += problem.effort[segment]
             count += 1
     if count > 0 and is_fleet_empty(problem):
-        return np.inf  # nothing could be inserted
+        return np.inf  # no segment could be inserted
     if least <= 0.0 or iterations <= 0 or count == 0:
         return least
     copy_all(current, trial)
@@ -389,7 +390,7 @@ def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng:
 
 
 class Repairs(NamedTuple):
-    """For each vehicle the latest repair of its loss; ``k`` states beside each other."""
+    """The latest repair of each vehicle's loss: ``k`` states stored side by side."""
 
     visits: Annotated[IntCube, "losses k n"]
     legs: Annotated[Cube, "losses k n+1"]
@@ -397,7 +398,7 @@ class Repairs(NamedTuple):
     loads: Annotated[Table, "losses k"]
     route_of: Annotated[IntTable, "losses n"]
     known: Annotated[Ints, "losses"]
-    """1 where there is one."""
+    """1 where a repair exists."""
 
 
 @inner()
@@ -413,10 +414,10 @@ def try_loss(
     problem: Problem, timing: LossTiming, base: State, clock: LossClock, lost: int, at_s: float, fly_again: bool,
     loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
 ) -> float:  # fmt: skip
-    """Look for a repair of a loss, from the known one and from the survivors' tails; return what the best lacks.
+    """Search for a repair of a loss, from the known one and from the survivors' tails; return what the best lacks.
 
-    It is left in ``repairs``. ``loss`` and ``desk`` are work space; ``effort`` are the iterations from either
-    beginning.
+    The result is stored in ``repairs``. ``loss`` and ``desk`` are work space; ``effort`` is the number of iterations
+    from each start.
     """
     begin_loss(problem, timing, base, clock, lost, at_s, fly_again, loss)
     best = repair_of(repairs, lost)
@@ -430,7 +431,7 @@ def try_loss(
     if repairs.known[lost] == 0:
         repairs.known[lost] = 1
         return repair(loss, best, desk, effort, rng)
-    # The best repair so far is in ``best``: this one is worked on beside it.
+    # ``best`` holds the best repair so far, so this one is built in ``other``.
     lacks = repair(loss, desk.other, desk, effort, rng)
     if lacks < least:
         copy_all(desk.other, best)
@@ -450,11 +451,11 @@ def find_broken_interval(
         base: the plan, measured.
         clock: its clock.
         events_s: (e,) ascending.
-        fly_again: whether vehicles that have landed may fly again.
+        fly_again: whether landed vehicles may fly again.
         loss: work space.
         repairs: the known repairs; changed.
         desk: work space.
-        effort: iterations for a loss.
+        effort: iterations per loss.
         rng: random state.
     """
     for interval in range(len(events_s) - 2, -1, -1):

@@ -1,10 +1,10 @@
-"""Search on the re-plan window itself: a plan, and beside it the repairs of its critical losses, annealed together.
+"""Search for the re-plan window: anneals a plan together with the repairs of its critical losses.
 
-A few *probe* times stand for the window: the search looks for a plan all of whose losses at those times can be
-repaired. What the repairs lack gives plateaus a slope. A repair is never made anew: it follows the one of the plan
-that the search stands at, which differs by a few visits.
+A few *probe* times represent the window: the search looks for a plan whose losses at those times can all be repaired.
+The energy that repairs lack gives plateaus a slope. A repair is never built from scratch: it follows the repair of the
+current plan, which differs by a few visits.
 
-The plan is changed a little at a time, mostly where the losses that are looked at leave something else of it.
+Each step changes the plan a little, mostly in the part that affects the probed losses.
 """
 
 from __future__ import annotations
@@ -43,56 +43,56 @@ from planner.kernels.tours import (
 )
 
 UNKNOWN = 200
-"""How much more effort a repair takes that follows none."""
+"""Factor on the effort of a repair that follows no other."""
 NOBODY, GROUND = -2, -1
-"""In place of a visit."""
+"""Markers that replace a visit in ``begun``."""
 SAME = 2
-"""In place of 1, for known: as the repair that it would have followed."""
+"""Value of ``known`` (instead of 1) for a repair that is identical to the one it would follow."""
 TRIES = 6
-"""How often a place early in the plan is looked for."""
+"""Attempts to find a position early in the plan."""
 
 
 class RobustWalk(NamedTuple):
-    """Where a search stands: a plan, when its visits end, a repair for each of its losses at each probe."""
+    """State of a search: a plan, the end times of its visits, a repair for each of its losses at each probe."""
 
     base: State
     clock: LossClock
     repairs: Repairs
-    """``k`` for each probe."""
+    """``k`` repairs for each probe."""
     lacks: Annotated[Floats, "losses"]
-    """For each repair what it lacks, in percent of a battery."""
+    """Energy that each repair lacks, in percent of a battery."""
     opened: Annotated[IntTable, "losses n"]
-    """Which segments were open to each repair."""
+    """Segments that were open to each repair."""
     begun: Annotated[IntTable, "losses k"]
-    """The visit that each survivor finishes first, NOBODY for the lost vehicle, GROUND for one landed."""
+    """Visit that each survivor finishes first; NOBODY for the lost vehicle, GROUND for a landed one."""
     left: Annotated[Table, "losses k"]
-    """What each survivor may spend after it."""
+    """Energy that each survivor may spend after that visit."""
     order: Annotated[Ints, "losses"]
-    """Work space: the repairs in the order in which they are looked at."""
+    """Work space: the order in which repairs are evaluated."""
 
 
 class WalkLimits(NamedTuple):
-    """What plans of a search must keep, and how it goes on."""
+    """Limits on the plans of a search, and its settings."""
 
     longest_s: float
-    """No route is longer."""
+    """Maximum duration of a route."""
     all_vehicles: bool
-    """Whether no vehicle may stay without a visit."""
+    """Whether every vehicle must have a visit."""
     fly_again: bool
-    """Whether vehicles that have landed may fly again after a loss."""
+    """Whether landed vehicles may fly again after a loss."""
     effort: int
     """Iterations of ruin and recreate for a repair that follows another."""
     rise: float
-    """A plan that uses this much more energy than the one before is not looked at."""
+    """Maximum energy increase from one plan to the next; plans beyond it are not evaluated."""
     early: float
-    """How often a change is made where the losses that are looked at leave something else of the plan."""
+    """Share of changes made in the part of the plan that affects the probed losses."""
     polish: float
-    """How often a repair that lacks something is worked on although its loss leaves what it left before."""
+    """Share of repairs with missing energy that are improved although their loss leaves the same problem as before."""
 
 
 @inner()
 def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int, spare: Ints) -> None:
-    """Exchange what two routes do from a position of each on; ``measure`` follows."""
+    """Exchange the tails of two routes, each from its given position; call ``measure`` afterwards."""
     kept = base.lengths[one] - begin
     count = base.lengths[other] - other_begin
     for place in range(kept):
@@ -107,7 +107,7 @@ def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: i
 
 @inner()
 def shift_string(base: State, one: int, begin: int, count: int, other: int, place: int, spare: Ints) -> None:
-    """Move ``count`` visits of a route before position ``place`` of another one, or of what is left of itself."""
+    """Move ``count`` visits of a route before position ``place`` of another route, or of the rest of the same route."""
     for position in range(count):
         spare[position] = base.visits[one, begin + position]
     for position in range(begin, base.lengths[one] - count):
@@ -122,7 +122,7 @@ def shift_string(base: State, one: int, begin: int, count: int, other: int, plac
 
 @inner()
 def choose_segment(base: State, clock: LossClock, until_s: float, early: float, rng: RandomState) -> int:
-    """Return a segment at random, ``early`` of all times one whose visit begins before a time."""
+    """Return a random segment; with probability ``early`` one whose visit begins before ``until_s``."""
     segment = draw_integer(rng, len(base.route_of))
     if draw_uniform(rng) >= early:
         return segment
@@ -137,7 +137,7 @@ def choose_segment(base: State, clock: LossClock, until_s: float, early: float, 
 
 @inner()
 def reinsert_neighbours(problem: Problem, base: State, desk: RepairWorkspace, segment: int, rng: RandomState) -> bool:
-    """Take a few visits about one out and put them back within the budgets; return whether all found a place."""
+    """Remove a few visits near a segment and re-insert them within the budgets; return whether all fitted."""
     pending, touched = desk.pending, desk.touched
     removed = remove_strings(problem, base, pending, touched, segment, 3.0, 4.0, rng)
     for place in range(removed - 1, 0, -1):
@@ -162,7 +162,7 @@ def change_plan(
     desk: RepairWorkspace,
     rng: RandomState,
 ) -> bool:
-    """Change a plan at random, a little; return whether it is one still. Routes that are touched need ``measure``."""
+    """Make a small random change to a plan; return whether it stays valid. Touched routes need ``measure``."""
     touched = desk.touched
     kind = draw_uniform(rng)
     segment = choose_segment(base, clock, until_s, early, rng)
@@ -205,7 +205,7 @@ def change_plan(
 
 @inner()
 def sort_lacks(lacks: Floats, order: Ints) -> None:
-    """Set ``order`` to the numbers of the repairs, those that lack most first."""
+    """Set ``order`` to the repair numbers, largest missing energy first."""
     for place in range(len(order)):
         hole = place
         while hole > 0 and lacks[order[hole - 1]] < lacks[place]:
@@ -216,7 +216,7 @@ def sort_lacks(lacks: Floats, order: Ints) -> None:
 
 @inner()
 def describe_loss(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
-    """Note what a loss leaves: two repairs of which the same is noted are repairs of the same."""
+    """Record the state after a loss: two repairs with equal records solve the same problem."""
     for segment in range(len(loss.is_open)):
         there.opened[slot, segment] = loss.is_open[segment]
     base = there.base
@@ -232,7 +232,7 @@ def describe_loss(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
 
 @inner()
 def is_alike(here: RobustWalk, there: RobustWalk, slot: int) -> bool:
-    """Return whether a loss leaves the same of both plans."""
+    """Return whether a loss leaves the same problem in both plans."""
     for route in range(len(here.base.lengths)):
         if here.begun[slot, route] != there.begun[slot, route] or here.left[slot, route] != there.left[slot, route]:
             return False
@@ -247,9 +247,9 @@ def assess_repairs(
     problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: RepairWorkspace,
     probes_s: Floats, limits: WalkLimits, most: float, rng: RandomState,
 ) -> float:  # fmt: skip
-    """Set the repairs of ``there`` after those of ``here`` and return what all of them lack.
+    """Compute the repairs of ``there`` from those of ``here``; return their total missing energy.
 
-    It ends as soon as they lack more than ``most``. What lacked most comes first.
+    Stops as soon as the total exceeds ``most``. The repairs that lacked most come first.
     """
     total = 0.0
     fleet = len(there.base.lengths)
@@ -289,7 +289,7 @@ def check_limits(
     limits: WalkLimits,
     most: float,
 ) -> bool:
-    """Measure the touched routes; return whether the plan keeps its limits and uses no more than ``most``."""
+    """Measure the touched routes; return whether the plan meets its limits and uses at most ``most``."""
     good = True
     for route in range(len(base.lengths)):
         if touched[route] == 0:
@@ -304,7 +304,7 @@ def check_limits(
 
 @kernel()
 def take_repairs(there: RobustWalk, here: RobustWalk) -> None:
-    """Copy the repairs that were looked at, and what all lack."""
+    """Copy the evaluated repairs and the missing energy of all."""
     for slot in range(len(here.lacks)):
         here.lacks[slot] = there.lacks[slot]
         if there.repairs.known[slot] == SAME:
@@ -326,21 +326,21 @@ def anneal_plan(
     probes_s: Floats, limits: WalkLimits, temperature: Floats, cooling: float, iterations: int,
     rng: RandomState,
 ) -> int:  # fmt: skip
-    """Anneal a plan until all its losses at the probes are repaired; return the number of iterations that took.
+    """Anneal a plan until all its losses at the probes are repaired; return the number of iterations used.
 
     Args:
-        problem: the instance; its budgets hold for the plan.
+        problem: the instance; its budgets apply to the plan.
         timing: its times.
-        here: where the search stands, assessed; changed.
-        there: work space, its plan the same as that of ``here``.
+        here: the current state, assessed; changed.
+        there: work space with the same plan as ``here``.
         loss: work space.
         desk: work space of the repairs.
         own: work space of the walk.
         probes_s: the probe times, -1 for none.
-        limits: what plans must keep.
+        limits: the limits on plans.
         temperature: (1,) float64; changed.
         cooling: factor on the temperature after each iteration.
-        iterations: how many at most.
+        iterations: maximum number of iterations.
         rng: random state.
     """
     fleet = len(here.base.lengths)

@@ -1,9 +1,9 @@
-"""Days of sorties: their arrays, when sorties begin, the best bases for a vehicle's, and where a segment fits best.
+"""Days of sorties: arrays, start times, the bases of each vehicle's sorties, and the best position for a segment.
 
-The search only says which visits a sortie has, whose it is and in which order a vehicle flies its own. When each one
-begins follows: at every moment the sortie that can take off soonest does (``schedule_sorties``). Where each one begins
-and lands is a shortest path over the bases between them (``choose_bases``). A segment is put beside a near one, or
-into a sortie of its own, where it costs least (``put_all_segments``).
+The search only decides which visits a sortie has, which vehicle flies it and in which order a vehicle flies its
+sorties. Start times follow: at every moment the sortie that can take off soonest does (``schedule_sorties``). Start and
+landing bases are a shortest path over the bases between sorties (``choose_bases``). A segment is inserted next to a
+near one, or into a new sortie, wherever it costs least (``put_all_segments``).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from planner.kernels.compiling import inner, kernel
 from planner.kernels.tours import draw_integer, draw_uniform, find_position
 
 NEVER = 1e18
-"""Seconds of a way that there is not, a time that never comes."""
+"""Duration of a move that does not exist, or a time that never comes, seconds."""
 TOLERANCE = 1e-9
-"""By which a sortie may use more than its budget: sums depend on their order."""
+"""Amount by which a sortie may exceed its budget: sums depend on the order of addition."""
 
 BLINK = 0.01
-"""Share of places that are overlooked (Christiaens, Vanden Berghe 2020)."""
+"""Share of positions skipped at random (Christiaens, Vanden Berghe 2020)."""
 
 
 class SortieProblem(NamedTuple):
@@ -39,101 +39,101 @@ class SortieProblem(NamedTuple):
     budget: Floats
     """(k,)"""
     able: IntTable
-    """(k, n): 0 or 1."""
+    """(k, n): 1 if the vehicle can inspect the segment, else 0."""
     lands: IntTable
-    """(k, d): 0 or 1."""
+    """(k, d): 1 if the vehicle may land at the base, else 0."""
     transfer: Table
     """(d, d)"""
     turnaround: Floats
     """(d,)"""
     recharge: Floats
-    """(d,): NEVER where packs are charged overnight alone."""
+    """(d,): NEVER if packs are only charged overnight."""
     packs: Ints
-    """(d,): -1 where there are always enough."""
+    """(d,): -1 if packs are unlimited."""
     days: Table
-    """(t, 3): begin, end, seconds of the days before."""
+    """(t, 3): start, end, total seconds of the days before."""
     windows: Quad
-    """(k, t, w, 2): when a vehicle may fly on a day; empty ones end before they begin."""
+    """(k, t, w, 2): flight windows of a vehicle per day; empty ones end before they begin."""
     near: IntTable
-    """(n, m): the segments nearest to a segment, without itself."""
+    """(n, m): nearest segments of each segment, excluding the segment itself."""
     place: Ints
-    """(k,): the base where a vehicle stands."""
+    """(k,): the vehicle's current base."""
     ready: Floats
     """(k,)"""
     stock: Ints
-    """(d,): packs of the first day."""
+    """(d,): number of packs on the first day."""
     charged: Table
-    """(d, s): when they are charged."""
+    """(d, s): charge completion time of each pack."""
     taken_off: Floats
-    """(d,): when a vehicle took off last."""
+    """(d,): time of the last take-off."""
     stagger: float
     finish: float
-    """What a second of the last landing weighs in the search, in the seconds of days alone."""
+    """Search weight of a second of the last landing, counted in day time only."""
     flight: float
-    """The same of a second of somebody's flight."""
+    """Search weight of a second of flight."""
     swap: float
-    """The same of a sortie."""
+    """Search weight of a sortie."""
     late: float
-    """The same of a segment whose sortie finds no day."""
+    """Search weight of a segment whose sortie does not fit into any day."""
     objective: int
-    """Which figure comes first: 0 the last landing, 1 the flight, 2 the sorties."""
+    """Primary objective: 0 the last landing, 1 flight time, 2 the number of sorties."""
 
 
 class SortieState(NamedTuple):
-    """Sorties under work. At most ``r`` of at most ``c`` visits."""
+    """The sorties that the search changes: at most ``r`` sorties of at most ``c`` visits."""
 
     visits: Annotated[IntTable, "r c"]
     size: Annotated[Ints, "r"]
-    """0 for a row that is free."""
+    """Number of visits; 0 for a free row."""
     owner: Annotated[Ints, "r"]
     base: Annotated[Ints, "r"]
     land: Annotated[Ints, "r"]
     between: Annotated[Table, "r 2"]
     """Seconds and percent from the end of the first visit to the end of the last."""
     whole: Annotated[Table, "r 2"]
-    """Of the whole sortie."""
+    """Seconds and percent of the whole sortie."""
     start: Annotated[Floats, "r"]
-    """When it begins; NEVER where the days are over before."""
+    """Start time; NEVER if the days end before."""
     order: Annotated[IntTable, "k r"]
-    """Each vehicle's rows in the order of flight."""
+    """Rows of each vehicle in flight order."""
     counts: Annotated[Ints, "k"]
     where: Annotated[Ints, "n"]
-    """The row of a segment; -1 if it has none."""
+    """Row of a segment; -1 for none."""
     bias: Annotated[Table, "k d"]
-    """Seconds by which a vehicle shuns a base."""
+    """Penalty in seconds for a vehicle using a base."""
     ends: Annotated[Floats, "k"]
-    """When a vehicle's last sortie lands, in the seconds of days alone."""
+    """Last landing of each vehicle, in day time only."""
     sums: Annotated[Floats, "5"]
-    """Segments that find no day, the last landing, the flight, the sorties, and the guide of the search."""
+    """Segments that do not fit into any day, last landing, flight time, number of sorties, guide of the search."""
 
 
 class SortieWorkspace(NamedTuple):
     """Work space."""
 
     touched: Annotated[Ints, "k"]
-    """Zeros."""
+    """Zeros between two uses."""
     removed: Annotated[Ints, "n"]
     keys: Annotated[Floats, "n"]
     pool: Annotated[Table, "d s"]
-    """When the packs of a base are charged."""
+    """Charge completion times of the packs at a base."""
     pooled: Annotated[Ints, "d"]
     last: Annotated[Floats, "d"]
-    """The last take-off."""
+    """Time of the last take-off."""
     next: Annotated[Ints, "k"]
-    """Which sortie comes next."""
+    """Number of the next sortie."""
     at: Annotated[Ints, "k"]
     ready: Annotated[Floats, "k"]
     cost: Annotated[Table, "r+1 d"]
-    """Of a vehicle's sorties up to one that lands at a base."""
+    """Cost of a vehicle's sorties up to one that lands at a base."""
     begun: Annotated[IntTable, "r+1 d"]
-    """Where that one begins."""
+    """Base where that sortie begins."""
     came: Annotated[IntTable, "r+1 d"]
-    """Where the one before landed."""
+    """Base where the previous sortie landed."""
 
 
 @inner()
 def measure_row(problem: SortieProblem, state: SortieState, row: int) -> None:
-    """Set what lies between a sortie's first and last visit."""
+    """Set the seconds and percent between a sortie's first and last visit."""
     vehicle = state.owner[row]
     move = problem.move[problem.profile[vehicle]]
     seconds = pct = 0.0
@@ -147,7 +147,7 @@ def measure_row(problem: SortieProblem, state: SortieState, row: int) -> None:
 
 @inner()
 def may_fly_visits(problem: SortieProblem, state: SortieState, vehicle: int, row: int, begin: int, end: int) -> bool:
-    """Return whether a vehicle can inspect what positions [begin, end) of a sortie visit."""
+    """Return whether a vehicle can inspect the segments at positions [begin, end) of a sortie."""
     able = True
     for position in range(begin, end):
         able = able and problem.able[vehicle, state.visits[row, position] >> 1] == 1
@@ -156,7 +156,7 @@ def may_fly_visits(problem: SortieProblem, state: SortieState, vehicle: int, row
 
 @inner()
 def set_row_figures(problem: SortieProblem, state: SortieState, row: int) -> bool:
-    """Set a whole sortie's figures; return whether it is within the budget."""
+    """Set the figures of a whole sortie; return whether it is within the budget."""
     vehicle = state.owner[row]
     first, last = state.visits[row, 0], state.visits[row, state.size[row] - 1]
     base, land = state.base[row], state.land[row]
@@ -170,7 +170,7 @@ def set_row_figures(problem: SortieProblem, state: SortieState, row: int) -> boo
 
 @inner()
 def choose_bases(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int) -> bool:
-    """Choose where a vehicle's sorties begin and land: least time, and least shunned; return whether any way does."""
+    """Choose the bases of a vehicle's sorties by least time plus penalties; return whether any path exists."""
     count, bases = state.counts[vehicle], len(problem.turnaround)
     budget = problem.budget[vehicle] + TOLERANCE
     for base in range(bases):
@@ -196,7 +196,7 @@ def choose_bases(problem: SortieProblem, state: SortieState, memory: SortieWorks
             for land in range(bases):
                 if problem.lands[vehicle, land] == 0 or pct + problem.home[vehicle, last, land, 1] > budget:
                     continue
-                # The last turnaround keeps nobody waiting.
+                # The last turnaround delays no further sortie.
                 after = problem.turnaround[land] if number < count - 1 else 0.0
                 then = reached + problem.home[vehicle, last, land, 0] + after
                 if then < memory.cost[number + 1, land]:
@@ -220,7 +220,7 @@ def choose_bases(problem: SortieProblem, state: SortieState, memory: SortieWorks
 
 @inner()
 def open_day(problem: SortieProblem, memory: SortieWorkspace, day: int) -> None:
-    """Put a day's packs out."""
+    """Make a day's packs available at the bases."""
     for base in range(len(problem.turnaround)):
         if day == 0:
             memory.pooled[base] = problem.stock[base]
@@ -234,7 +234,7 @@ def open_day(problem: SortieProblem, memory: SortieWorkspace, day: int) -> None:
 
 @inner()
 def find_soonest_pack(memory: SortieWorkspace, base: int) -> int:
-    """Return the number of the pack that is charged first; -1 if there is none."""
+    """Return the number of the pack that is charged first; -1 for none."""
     best, least = -1, NEVER
     for pack in range(memory.pooled[base]):
         if memory.pool[base, pack] < least:
@@ -246,7 +246,7 @@ def find_soonest_pack(memory: SortieWorkspace, base: int) -> int:
 def soonest_start_s(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int, day: int
 ) -> float:
-    """Return when a vehicle's next sortie can begin on a day; NEVER if it cannot."""
+    """Return the earliest start of a vehicle's next sortie on a day; NEVER if it cannot start."""
     row = state.order[vehicle, memory.next[vehicle]]
     base = state.base[row]
     begin = max(memory.ready[vehicle] + problem.transfer[memory.at[vehicle], base], problem.days[day, 0])
@@ -267,7 +267,7 @@ def soonest_start_s(
 def schedule_next_sortie(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int, begin: float, day: int
 ) -> None:
-    """Let a vehicle's next sortie begin."""
+    """Start a vehicle's next sortie."""
     row = state.order[vehicle, memory.next[vehicle]]
     base, land = state.base[row], state.land[row]
     state.start[row] = begin
@@ -288,7 +288,7 @@ def schedule_next_sortie(
 
 @kernel()
 def schedule_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> None:
-    """Let all sorties begin as soon as they can, the soonest first; set the figures."""
+    """Schedule all sorties as early as possible, the soonest first; set the figures."""
     fleet = len(state.counts)
     sums = state.sums
     sums[:] = 0.0
@@ -362,7 +362,7 @@ def insertion_cost(
 
 @inner()
 def weigh_seconds(problem: SortieProblem, state: SortieState, vehicle: int, seconds: float, last: float) -> float:
-    """Return what seconds of a vehicle's weigh."""
+    """Return the weighted cost of a vehicle's additional seconds."""
     return float(problem.finish * max(0.0, state.ends[vehicle] + seconds - last) + (problem.flight + 1e-6) * seconds)
 
 
@@ -370,7 +370,7 @@ def weigh_seconds(problem: SortieProblem, state: SortieState, vehicle: int, seco
 def find_place_beside(
     problem: SortieProblem, state: SortieState, segment: int, last: float, rng: RandomState
 ) -> tuple[float, float, int, int, int]:
-    """Return the least weight of a place beside a near segment, its seconds, the row, the position, the visit."""
+    """Return the least-cost position next to a near segment: weight, seconds, row, position, visit."""
     best, seconds, chosen, place, way = NEVER, 0.0, -1, 0, 0
     for rank in range(problem.near.shape[1]):
         other = problem.near[segment, rank]
@@ -395,7 +395,7 @@ def find_place_beside(
 def find_own_sortie(
     problem: SortieProblem, state: SortieState, segment: int, last: float, rng: RandomState
 ) -> tuple[float, float, int, int, int, int, int]:
-    """Return the least weight of a sortie of its own: seconds, vehicle, number, visit, base, where it lands."""
+    """Return the least-cost new sortie: weight, seconds, vehicle, number, visit, start base, landing base."""
     best, lasts, chosen, number, way, begins, lands = NEVER, 0.0, -1, 0, 0, 0, 0
     bases = len(problem.turnaround)
     for vehicle in range(len(state.counts)):
@@ -432,7 +432,7 @@ def find_own_sortie(
 
 @inner()
 def enter_sortie(state: SortieState, vehicle: int, number: int, row: int) -> None:
-    """Make a row one of a vehicle's sorties, before the one that is its `number`-th now."""
+    """Insert a row into a vehicle's sorties, before the current `number`-th one."""
     for later in range(state.counts[vehicle], number, -1):
         state.order[vehicle, later] = state.order[vehicle, later - 1]
     state.order[vehicle, number] = row
@@ -443,7 +443,7 @@ def enter_sortie(state: SortieState, vehicle: int, number: int, row: int) -> Non
 def put_segment(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, segment: int, last: float, rng: RandomState
 ) -> bool:
-    """Put a segment where it costs least; return whether there is a place."""
+    """Insert a segment where it costs least; return whether a position exists."""
     worse, seconds, row, position, visit = find_place_beside(problem, state, segment, last, rng)
     other, lasts, vehicle, number, way, base, land = find_own_sortie(problem, state, segment, last, rng)
     if row < 0 and vehicle < 0:
@@ -481,7 +481,7 @@ def put_all_segments(
     count: int,
     rng: RandomState,
 ) -> int:
-    """Put segments into sorties one after the other; return how many had no place."""
+    """Insert segments into sorties one after the other; return how many had no position."""
     left = 0
     for number in range(count):
         last = 0.0
@@ -494,7 +494,7 @@ def put_all_segments(
 
 @kernel()
 def choose_bases_of_touched(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> bool:
-    """Choose bases for all vehicles that were touched; return whether each has a way."""
+    """Choose bases for all touched vehicles; return whether each has a path."""
     for vehicle in range(len(state.counts)):
         if memory.touched[vehicle] == 1 and not choose_bases(problem, state, memory, vehicle):
             return False

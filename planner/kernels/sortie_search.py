@@ -1,4 +1,4 @@
-"""The search for days of sorties: ruin and recreate under annealing, each trial with its times and bases anew."""
+"""The search for days of sorties: ruin and recreate with annealing; times and bases are recomputed for each trial."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from planner.kernels.sortie_schedule import (
 from planner.kernels.tours import draw_integer, draw_uniform, find_position, reverse_visits, sort_by_key
 
 MOST_REMOVED = 12
-"""Segments that are taken out at a time, but for whole sorties."""
+"""Maximum number of segments removed at a time, whole sorties excepted."""
 SAME = 1e-7
-"""Seconds by which figures may differ that are the same."""
+"""Tolerance for equal figures, seconds."""
 
 
 @kernel()
 def copy_sorties(source: SortieState, target: SortieState) -> None:
-    """Make ``target`` the same as ``source``."""
+    """Copy ``source`` to ``target``."""
     for row in range(len(source.size)):
         if target.size[row] > 0 and source.size[row] == 0:
             target.size[row] = 0
@@ -60,7 +60,7 @@ def copy_sorties(source: SortieState, target: SortieState) -> None:
 def cut_sortie(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, row: int, begin: int, end: int, count: int
 ) -> int:
-    """Take positions [begin, end) out of a sortie, which is struck off if nothing is left; return the new count."""
+    """Remove positions [begin, end) of a sortie, and the sortie if it becomes empty; return the new count."""
     vehicle, size = state.owner[row], state.size[row]
     for position in range(begin, end):
         segment = state.visits[row, position] >> 1
@@ -89,7 +89,7 @@ def cut_sortie(
 
 @inner()
 def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> int:
-    """Take segments out near a random one: singly, in strings, or a whole sortie; return how many."""
+    """Remove segments near a random one: single ones, strings, or a whole sortie; return how many."""
     segments = len(state.where)
     wanted = 1 + draw_integer(rng, min(MOST_REMOVED, segments))
     kind = draw_uniform(rng)
@@ -119,7 +119,7 @@ def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorks
 
 @inner()
 def arrange_segments(problem: SortieProblem, memory: SortieWorkspace, count: int, rng: RandomState) -> None:
-    """Put the removed segments into a random order, or those far from the bases first, or the nearest."""
+    """Order the removed segments: at random, farthest from the bases first, or nearest first."""
     removed, keys = memory.removed, memory.keys
     kind = draw_uniform(rng)
     for number in range(count):
@@ -134,7 +134,7 @@ def arrange_segments(problem: SortieProblem, memory: SortieWorkspace, count: int
 
 @inner()
 def reverse_part(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> None:
-    """Fly a part of a sortie the other way round."""
+    """Reverse a part of a sortie."""
     vehicle = draw_integer(rng, len(state.counts))
     if state.counts[vehicle] == 0:
         return
@@ -147,7 +147,7 @@ def reverse_part(problem: SortieProblem, state: SortieState, memory: SortieWorks
 
 @inner()
 def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
-    """Give a whole sortie another place in the order of this vehicle or another; return whether it may have it."""
+    """Move a whole sortie in the order of its vehicle or to another vehicle; return whether it may fly it."""
     giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
     if state.counts[giver] == 0:
         return False
@@ -168,7 +168,7 @@ def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorksp
 
 @inner()
 def move_visits(state: SortieState, row: int, begin: int, end: int, other: int, to: int, turned: bool) -> None:
-    """Move positions [begin, end) of a sortie into another one before position ``to``, perhaps turned around."""
+    """Move positions [begin, end) of a sortie into another before position ``to``, reversed if ``turned``."""
     length = end - begin
     for position in range(state.size[other] - 1, to - 1, -1):
         state.visits[other, position + length] = state.visits[other, position]
@@ -184,9 +184,9 @@ def move_visits(state: SortieState, row: int, begin: int, end: int, other: int, 
 
 @inner()
 def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
-    """Make a part at the begin or the end of a sortie one of its own, of any vehicle; return whether that may be.
+    """Split the first or last part of a sortie into a new one of any vehicle; return whether it may fly it.
 
-    One segment after the other would never leave: the first one would pay the whole way there.
+    Segments that move one at a time would never leave: the first one would pay for the whole flight there.
     """
     giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
     if state.counts[giver] == 0:
@@ -214,7 +214,7 @@ def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorks
 
 @inner()
 def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
-    """Move the end of a sortie beside a near segment of another, all at once; return whether that may be."""
+    """Move the end of a sortie next to a near segment of another one in one step; return whether that is allowed."""
     segment = draw_integer(rng, len(state.where))
     near = problem.near[segment, draw_integer(rng, problem.near.shape[1])]
     row, other = state.where[segment], state.where[near]
@@ -239,7 +239,7 @@ def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace
 
 @inner()
 def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float, rng: RandomState) -> None:
-    """Let a vehicle shun a base, or not any more."""
+    """Add or remove a vehicle's penalty for a base."""
     vehicle, base = draw_integer(rng, len(state.counts)), draw_integer(rng, state.bias.shape[1])
     state.bias[vehicle, base] = 0.0 if draw_uniform(rng) < 0.5 else most * draw_uniform(rng)
     memory.touched[vehicle] = 1
@@ -247,7 +247,7 @@ def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float
 
 @kernel()
 def has_better_sums(problem: SortieProblem, sums: Floats, other: Floats) -> bool:
-    """Return whether figures are better than others: what finds no day first, then by the objective."""
+    """Return whether figures are better than others: first fewer segments without a day, then the objective."""
     for rank in range(5):
         entry = 0 if rank == 0 else (1 + problem.objective if rank == 1 else rank - 1)
         if abs(sums[entry] - other[entry]) > SAME:
@@ -262,8 +262,8 @@ def anneal_sorties(
 ) -> int:  # fmt: skip
     """Try ``iterations`` changes of ``current``; keep the best in ``best``.
 
-    ``trial`` equals ``current`` before and after, ``most`` is the longest sortie. Returns the last iteration that found
-    a new best, counted from 1; 0 if none did.
+    ``trial`` equals ``current`` before and after; ``most`` is the maximum sortie length. Returns the last iteration
+    that found a new best, counted from 1; 0 if none did.
     """
     fleet = len(current.counts)
     improved = 0

@@ -1,11 +1,11 @@
-"""Routes under work: their energy, changes to them, taking visits out, and where a segment fits best.
+"""Operations on routes: their energy, changes to them, removal of visits, and the best position for a segment.
 
-Random numbers have one number as their whole state, which the caller holds (xorshift64, Marsaglia 2003). Only shifts
-and xors: the same bits with and without compilation, and no overflow to warn of.
+The random state is a single number held by the caller (xorshift64, Marsaglia 2003). Only shifts and xors are used: the
+same bits with and without compilation, and no overflow warnings.
 
-Visits are taken out in strings of neighbouring ones from routes that pass near one place: the removals of 'Slack
-Induction by String Removals' (Christiaens, Vanden Berghe, Transportation Science 54(2) 2020), with its parameters:
-about ten visits an iteration, strings of at most ten, half of them with a preserved middle.
+Visits are removed in strings of neighbours from routes that pass near one place: the removals of 'Slack Induction by
+String Removals' (Christiaens, Vanden Berghe, Transportation Science 54(2) 2020), with its parameters: about ten visits
+per iteration, strings of at most ten, half of them with a preserved middle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from planner.kernels.compiling import inner, kernel
 
 @kernel()
 def measure(problem: Problem, state: State, route: int) -> None:
-    """Set the legs and the load of a route from its visits, and enter the route of their segments."""
+    """Set the legs and the load of a route from its visits, and the owner of their segments."""
     length = state.lengths[route]
     legs = state.legs[route]
     visits = state.visits[route]
@@ -42,7 +42,7 @@ def measure(problem: Problem, state: State, route: int) -> None:
 
 @kernel()
 def insert(problem: Problem, state: State, route: int, position: int, visit: int) -> None:
-    """Put a visit into a route and bring legs and load up to date."""
+    """Insert a visit into a route and update legs and load."""
     length = state.lengths[route]
     visits = state.visits[route]
     legs = state.legs[route]
@@ -68,7 +68,7 @@ def insert(problem: Problem, state: State, route: int, position: int, visit: int
 
 @kernel()
 def copy_route(source: State, target: State, route: int) -> None:
-    """Copy one route; ``route_of`` is the caller's."""
+    """Copy one route; the caller copies ``route_of``."""
     length = source.lengths[route]
     target.lengths[route] = length
     target.loads[route] = source.loads[route]
@@ -80,7 +80,7 @@ def copy_route(source: State, target: State, route: int) -> None:
 
 @inner()
 def copy_owners(source: State, target: State) -> None:
-    """Copy which route visits a segment."""
+    """Copy the owner of every segment."""
     for segment in range(len(source.route_of)):
         target.route_of[segment] = source.route_of[segment]
 
@@ -95,7 +95,7 @@ def copy_all(source: State, target: State) -> None:
 
 @inner()
 def total_excess(problem: Problem, state: State) -> float:
-    """Return what routes with a visit spend beyond their budgets."""
+    """Return the total energy by which routes with a visit exceed their budgets."""
     total = 0.0
     for route in range(len(state.lengths)):
         if state.lengths[route] > 0:
@@ -105,7 +105,7 @@ def total_excess(problem: Problem, state: State) -> float:
 
 @kernel()
 def orient_visits(problem: Problem, state: State, route: int, came_from: IntTable) -> None:
-    """Give the visits of a route the directions that are best together, their order kept.
+    """Set the optimal direction of each visit in a route; the order is kept.
 
     A two-state dynamic program (Vidal 2017, doi 10.1287/opre.2017.1595). ``came_from`` is (n, 2) int64 of work space.
     """
@@ -144,7 +144,7 @@ def orient_visits(problem: Problem, state: State, route: int, came_from: IntTabl
 
 @kernel(inline=True)
 def draw_uniform(rng: RandomState) -> float:
-    """Return a number in [0, 1); ``rng`` is (1,) uint64 and not zero."""
+    """Return a number in [0, 1); ``rng`` is (1,) uint64 and non-zero."""
     x = rng[0]
     x ^= x << np.uint64(13)
     x ^= x >> np.uint64(7)
@@ -165,7 +165,7 @@ def cut_visits(
 ) -> int:
     """Remove visits [begin, end) of a route but not [spare_begin, spare_end); return the new count of ``removed``.
 
-    Legs and load are left as they were: ``measure`` follows.
+    Legs and load are not updated: call ``measure`` afterwards.
     """
     visits = state.visits[route]
     kept = begin
@@ -184,7 +184,7 @@ def cut_visits(
 
 @inner()
 def find_position(visits: Ints, segment: int) -> int:
-    """Return where visits visit a segment that is among them."""
+    """Return the position of a segment's visit; it must be in ``visits``."""
     position = 0
     while visits[position] >> 1 != segment:
         position += 1
@@ -193,7 +193,7 @@ def find_position(visits: Ints, segment: int) -> int:
 
 @inner()
 def reverse_visits(visits: Ints, begin: int, end: int) -> None:
-    """Fly visits [begin, end) the other way round; what they take is measured anew by the caller."""
+    """Reverse visits [begin, end); the caller measures the route again."""
     while begin < end:
         end -= 1
         visits[begin], visits[end] = visits[end] ^ 1, visits[begin] ^ 1
@@ -210,15 +210,15 @@ def remove_strings(
     Args:
         problem: the instance.
         state: changed; the routes that lose visits are measured again.
-        removed: (n,) int64, its first entries are set to the segments taken out.
+        removed: (n,) int64, its first entries are set to the removed segments.
         touched: (k,) int64, set to 1 for routes that lose visits.
-        seed: where to begin.
-        mean_removed: how many to remove on average.
-        longest: no string is longer.
+        seed: the first segment.
+        mean_removed: mean number of removals.
+        longest: maximum string length.
         rng: random state.
 
     Returns:
-        How many segments were removed.
+        Number of removed segments.
     """
     visited = 0
     used = 0
@@ -259,12 +259,12 @@ def remove_strings(
 
 
 NEVER = 2**40
-"""More places than any route has."""
+"""A number larger than the positions of any route."""
 
 
 @inner(inline=True)
 def draw_blink_gap(blink: float, rng: RandomState) -> int:
-    """Return how many places are seen before the next one that is overlooked: one draw instead of one a place."""
+    """Return the number of positions before the next skipped one: one draw instead of one per position."""
     if blink <= 0.0:
         return NEVER
     return int(math.log(1.0 - draw_uniform(rng)) / math.log(1.0 - blink))
@@ -274,9 +274,9 @@ def draw_blink_gap(blink: float, rng: RandomState) -> int:
 def find_cheapest_place(
     problem: Problem, state: State, route: int, segment: int, blink: float, rng: RandomState
 ) -> tuple[float, int, int]:
-    """Return (added energy, position, visit) of the cheapest place for a segment in a route.
+    """Return (added energy, position, visit) of the cheapest position for a segment in a route.
 
-    Each position is overlooked with probability ``blink`` < 1; (inf, 0, 0) if all were.
+    Each position is skipped with probability ``blink`` < 1; (inf, 0, 0) if all were.
     """
     length = state.lengths[route]
     consumption = problem.consumption[route]
@@ -326,7 +326,7 @@ def max_load(loads: Floats) -> float:
 
 @inner(inline=True)
 def raise_to_power(base: float, power: float) -> float:
-    """Return ``base`` to a whole power of at least 1, by squaring: some times faster than the general power."""
+    """Return ``base`` to a whole power of at least 1, by squaring: several times as fast as the general power."""
     result = 1.0
     exponent = int(power)
     while exponent > 0:
@@ -339,7 +339,7 @@ def raise_to_power(base: float, power: float) -> float:
 
 @inner(inline=True)
 def is_redundant_route(problem: Problem, state: State, route: int) -> bool:
-    """Return whether a route is empty as its vehicle's twin's is: whatever is put here can be put there."""
+    """Return whether a route and its twin's are both empty: an insertion here is equivalent to one there."""
     twin = problem.twin[route]
     return bool(twin >= 0 and state.lengths[route] == 0 and state.lengths[twin] == 0)
 
@@ -348,7 +348,7 @@ def is_redundant_route(problem: Problem, state: State, route: int) -> bool:
 def objective_increase(
     problem: Problem, weights: Weights, state: State, route: int, added: float, peak: float
 ) -> float:
-    """Return what the objective gains when a route's load grows by ``added``; ``peak`` is the largest load now."""
+    """Return the objective's increase when a route's load grows by ``added``; ``peak`` is the largest load now."""
     load = state.loads[route]
     gain = weights.total * added
     over = load + added - problem.budget[route]
@@ -357,7 +357,7 @@ def objective_increase(
     if weights.peak > 0.0:
         gain += weights.peak * max(0.0, load + added - peak)
     if weights.norm > 0.0:
-        # The sum of powers instead of its root: the same order among routes, and no need of the other loads.
+        # The sum of powers instead of its root: the same order among routes, without the other loads.
         powers = raise_to_power((load + added) / weights.scale, weights.power) - raise_to_power(
             load / weights.scale, weights.power
         )
@@ -373,10 +373,10 @@ def insert_cheapest(
     memory: SearchWorkspace,
     rng: RandomState,
 ) -> int:  # fmt: skip
-    """Insert a segment where the objective gains least, budgets and slack permitting; return the route, or -1.
+    """Insert a segment where the objective grows least, within budgets and slack; return the route, or -1.
 
-    Routes that are not ``touched`` are as they were when the memory's versions were counted; the cheapest place in
-    one of them is looked up if it was looked for before, and overlooked with probability ``blink`` as a whole.
+    Routes that are not ``touched`` are unchanged since the versions in ``memory``: their cheapest position is read from
+    it if known, and each of these routes is skipped as a whole with probability ``blink``.
     """
     peak = max_load(state.loads) if weights.peak > 0.0 else 0.0
     best = np.inf
@@ -414,7 +414,7 @@ def insert_cheapest(
 
 @inner()
 def sort_by_key(pending: Ints, keys: Floats) -> None:
-    """Sort ``pending`` by its ``keys``, at least as many, which are sorted with it."""
+    """Sort ``pending`` by its ``keys``, at least as long; sorts ``keys`` too."""
     for place in range(1, len(pending)):
         segment = pending[place]
         key = keys[place]
@@ -451,7 +451,7 @@ def sort_pending(
 
 @kernel(counted=True)
 def insert_by_regret(problem: Problem, weights: Weights, state: State, segments: Ints, rng: RandomState) -> None:
-    """Insert ``segments`` (m,) int64, first those that would lose most by waiting, as far as budgets allow."""
+    """Insert ``segments`` (m,) int64, largest regret first, as far as budgets allow."""
     routes = len(state.lengths)
     added = np.empty((len(segments), routes))
     for place in range(len(segments)):
@@ -483,7 +483,7 @@ def insert_by_regret(problem: Problem, weights: Weights, state: State, segments:
                     second = gain
             if best_route < 0:
                 continue
-            # With one route left the prize is at stake: it comes before any ordinary regret.
+            # With one route left the prize is at stake, which exceeds any ordinary regret.
             regret = min(second, weights.prize * problem.prize[segments[place]]) - best
             if regret > largest:
                 largest = regret

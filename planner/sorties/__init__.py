@@ -1,11 +1,11 @@
-"""Days of many sorties over a line: several bases, packs that are swapped and charged, hours in which may be flown.
+"""Plan days of many sorties over a line: several bases, packs that are swapped and charged, flight hours.
 
     >>> instance = SortieInstance(moves, ...)                                     # doctest: +SKIP
     >>> found = solve_sorties(instance, stop=Seconds(5))                          # doctest: +SKIP
     >>> found.evaluation.finish_s                                                 # doctest: +SKIP
 
-A *sortie* is one flight on one pack: from a base, along visits, to a base where its vehicle may land. Moves are priced
-as for a single flight, so that one sortie of one vehicle is what ``planner.solve`` plans. Importing this package is
+A *sortie* is one flight on one pack: from a base, along visits, to a base where its vehicle may land. Moves cost the
+same as for a single flight, so one sortie of one vehicle is what ``planner.solve`` plans. Importing this package is
 cheap; the first plan loads the compiled kernels.
 """
 

@@ -1,4 +1,4 @@
-"""The search for days of sorties: annealing in cycles, each from the best plan so far, on the kernels' arrays."""
+"""The search for days of sorties: cycles of annealing on the kernels' arrays, each from the best plan so far."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from planner.sorties.sortie_model import Objective, SortieInstance, SortieResult
 from planner.stop_rules import StopRule, Stopwatch
 
 BATCH = 200
-"""Iterations of a start between two questions to the stop rule."""
+"""Iterations of a start between two checks of the stop rule."""
 FIRST_CYCLE = 2_000
-"""Iterations of the first cycle for a few segments; each further one is half as long again."""
+"""Iterations of the first cycle for a few segments; each further cycle is half as long again."""
 PER_SEGMENT = 15
-"""More iterations of the first cycle for each segment."""
+"""Additional iterations of the first cycle per segment."""
 GROWTH = 1.5
 HOT = 0.02
-"""The temperature at the begin of a cycle, as a share of the mean sortie's time."""
+"""Start temperature of a cycle, as a share of the mean sortie's duration."""
 COLD = 0.0003
-"""The same at its end."""
+"""End temperature of a cycle, in the same unit."""
 FEW = 60
-"""Segments up to which a plan is so short that it is shaken harder."""
+"""Segments up to which a plan is so short that it is perturbed more strongly."""
 
 
 class SortieStart(SearchStart[SortieState]):
-    """One walk."""
+    """One walk of the annealing kernel."""
 
     def __init__(self, problem: SortieProblem, table: MoveTable, first: SortieState, rng: RandomState) -> None:
         current, trial, best = (build_sortie_state(problem, table) for _ in range(3))
@@ -53,7 +53,7 @@ class SortieStart(SearchStart[SortieState]):
 
     @property
     def rank(self) -> list[float]:
-        """What finds no day first, then the objective's figure, then the others."""
+        """Return the segments that do not fit into any day, then the objective's figure, then the others."""
         late, *figures = self.best.sums[:4].tolist()
         return [late, figures[self._problem.objective], *figures]
 
@@ -67,7 +67,7 @@ class SortieStart(SearchStart[SortieState]):
 
 
 class SortieSearch(AnnealingSearch[SortieStart]):
-    """One search; ``run`` is all that there is to call."""
+    """One search; call only ``run``."""
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ class SortieSearch(AnnealingSearch[SortieStart]):
         )  # fmt: skip
 
     def _build_first_state(self, initial: Sequence[Route] | None, seed: int) -> SortieState:
-        """Return the given sorties with all open segments put in where they cost least, those far off first."""
+        """Return the given sorties with all open segments inserted at least cost, the farthest first."""
         state, memory = build_sortie_state(self._problem, self._table), build_sortie_workspace(self._problem)
         if initial is not None:
             load_sorties(state, initial)
@@ -103,7 +103,7 @@ class SortieSearch(AnnealingSearch[SortieStart]):
         waiting = np.array(sorted(np.flatnonzero(able), key=lambda one: -nearest_s[one]), dtype=np.int64)
         put_all_segments(self._problem, state, memory, waiting, len(waiting), build_random_state(seed))
         self._schedule_anew(state, memory)
-        if state.sums[0] > 0 and initial is None:  # the days are too short: what yields most comes first
+        if state.sums[0] > 0 and initial is None:  # the days are too short: the most valuable comes first
             for vehicle, count in enumerate(state.counts):
                 own = state.order[vehicle, :count].copy()
                 state.order[vehicle, :count] = own[np.argsort(-state.size[own] / state.whole[own, 0], kind="stable")]
@@ -111,14 +111,14 @@ class SortieSearch(AnnealingSearch[SortieStart]):
         return state
 
     def _schedule_anew(self, state: SortieState, memory: SortieWorkspace) -> None:
-        """Divide what every vehicle does into sorties anew, and give them their times."""
+        """Split each vehicle's visits into new sorties, and schedule them."""
         memory.touched[:] = 1
         choose_bases_of_touched(self._problem, state, memory)
         memory.touched[:] = 0
         schedule_sorties(self._problem, state, memory)
 
     def run(self, stop: StopRule) -> SortieResult:
-        """Improve until ``stop`` says so."""
+        """Improve the plan until ``stop`` ends the search."""
         reason = "nothing to do" if self._idle else self._run_rounds(stop)
         plan = build_sortie_plan(self._instance, self._leader.best)
         return SortieResult(plan, evaluate_sorties(self._instance, plan), self._iterations, self._watch.seconds, reason)
@@ -141,30 +141,30 @@ class SortieSearch(AnnealingSearch[SortieStart]):
 
 
 NEAR = 30
-"""Neighbours of a segment that are kept."""
+"""Number of neighbours kept for each segment."""
 ROWS = 64
-"""Visits whose moves are priced at a time: what they take stays small."""
+"""Visits whose moves are computed at a time: limits memory."""
 FLIGHT_SHARE = 0.3
-"""What a second of somebody's flight weighs, divided by the fleet, where the last landing is to be soon."""
+"""Weight of a second of flight, divided by the fleet size, if the last landing is the objective."""
 FINISH_SHARE = 0.02
-"""What a second of the last landing weighs where it is not what counts."""
+"""Weight of a second of the last landing if it is not the objective."""
 RANKS = {Objective.FINISH: 0, Objective.FLIGHT: 1, Objective.SWAPS: 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MoveTable:
-    """All moves of an instance, and who is near whom: made once, for many searches over the same segments."""
+    """All moves of an instance, and each segment's neighbours: built once, for many searches over the same segments."""
 
     move: FloatArray
     """(p, 2n, 2n, 2)"""
     near: IntArray
     """(n, m)"""
     longest: int
-    """Visits that a sortie has at most."""
+    """Maximum number of visits in a sortie."""
 
 
 def build_move_table(instance: SortieInstance) -> MoveTable:
-    """Price all moves."""
+    """Compute the table of all moves."""
     moves, visits = instance.moves, instance.moves.visits
     move = np.empty((moves.profiles, visits, visits, 2))
     after = np.arange(visits)
@@ -181,7 +181,7 @@ def build_move_table(instance: SortieInstance) -> MoveTable:
 
 
 def _max_visits_per_sortie(instance: SortieInstance, move: FloatArray) -> int:
-    """Return how many visits fit into a sortie that uses no more than the least of each."""
+    """Return the number of visits that fit into a sortie if each uses the least possible."""
     segments = instance.segments
     if segments < 2:
         return 1
@@ -195,7 +195,7 @@ def _max_visits_per_sortie(instance: SortieInstance, move: FloatArray) -> int:
 
 
 def build_sortie_problem(instance: SortieInstance, table: MoveTable, objective: Objective) -> SortieProblem:
-    """Return the kernels' view."""
+    """Return the instance as kernel arrays."""
     fleet, bases, days = len(instance.vehicles), len(instance.bases), instance.days
     out = np.stack((instance.out_s, instance.out_pct), axis=-1)
     home = np.stack((instance.home_s, instance.home_pct), axis=-1)
@@ -210,7 +210,7 @@ def build_sortie_problem(instance: SortieInstance, table: MoveTable, objective: 
         charged[row, : len(times)] = times
     lengths = np.array([end - begin for begin, end in days])
     share = FLIGHT_SHARE / fleet
-    # Behind an area no way leads to a segment: that weighs nothing here.
+    # Segments that an area cuts off have infinite moves, which are excluded here.
     longest_s = float(sum(table[..., 0].max(where=np.isfinite(table[..., 0]), initial=0.0) for table in (out, home)))
     weights = {
         Objective.FINISH: (1.0, share, 0.0),
@@ -248,7 +248,7 @@ def build_sortie_problem(instance: SortieInstance, table: MoveTable, objective: 
 
 
 def _build_ability_table(instance: SortieInstance, lands: IntArray) -> IntArray:
-    """Return whether a vehicle can inspect a segment at all, by a sortie of its own that fits into its hours."""
+    """Return whether each vehicle can inspect each segment in a single sortie within its flight windows."""
     able, allowed = np.zeros(instance.able.shape, dtype=np.int64), instance.allowed
     for row, own in enumerate(instance.vehicles):
         may = lands[row] > 0
@@ -265,7 +265,7 @@ def _build_ability_table(instance: SortieInstance, lands: IntArray) -> IntArray:
 
 
 def _build_window_table(instance: SortieInstance) -> FloatArray:
-    """Return (k, t, w, 2) times by vehicle and day."""
+    """Return (k, t, w, 2) flight windows by vehicle and day."""
     parted = [
         [[window for window in own.windows if begin <= window[0] < end] for begin, end in instance.days]
         for own in instance.vehicles
@@ -280,7 +280,7 @@ def _build_window_table(instance: SortieInstance) -> FloatArray:
 
 
 def build_sortie_state(problem: SortieProblem, table: MoveTable) -> SortieState:
-    """Return a state without a sortie."""
+    """Return a state without sorties."""
     fleet, segments = problem.able.shape
     state = allocate(SortieState, r=segments, c=table.longest, k=fleet, n=segments, d=len(problem.packs))
     state.where[:] = -1
@@ -288,17 +288,17 @@ def build_sortie_state(problem: SortieProblem, table: MoveTable) -> SortieState:
 
 
 def build_sortie_workspace(problem: SortieProblem) -> SortieWorkspace:
-    """Return work space."""
+    """Return work space for the kernels."""
     fleet, segments = problem.able.shape
     bases, packs = problem.charged.shape
     return allocate(SortieWorkspace, r=segments, k=fleet, n=segments, d=bases, s=packs)
 
 
 def load_sorties(state: SortieState, sorties: Sequence[Route]) -> None:
-    """Put sorties into an empty state.
+    """Load sorties into an empty state.
 
     Raises:
-        PlanError: a segment is in two of them.
+        PlanError: a segment occurs twice.
     """
     for row, one in enumerate(sorties):
         state.size[row] = len(one.visits)
@@ -313,7 +313,7 @@ def load_sorties(state: SortieState, sorties: Sequence[Route]) -> None:
 
 
 def build_sortie_plan(instance: SortieInstance, state: SortieState) -> Plan:
-    """Return a state as a plan; what finds no day is left uncovered."""
+    """Return a state as a plan; segments that do not fit into any day are left uncovered."""
     routes = tuple(
         Route(
             vehicle, tuple(int(visit) for visit in state.visits[row, : state.size[row]]),

@@ -1,13 +1,13 @@
-"""From an instance to days of sorties, what losses for good leave of them, and how many vehicles and packs they need.
+"""Plan days of sorties, re-plan them after permanent losses, and estimate the vehicles and packs that they need.
 
-A sortie that has begun is flown to its end. What a vehicle did counts once it has landed: a lost one loses what it had
-on board. For the others new sorties are planned after those under way. Until when a loss still lets the days be
-finished is found out by plans for what each one leaves.
+A sortie that has begun is flown to its end. A vehicle's inspections count once it has landed: a lost vehicle loses all
+data on board. New sorties of the others follow those under way. Plans for the rest after each loss show until when a
+loss still lets the days be finished.
 
-How many it needs is found out on paper: days are flown many times with losses by chance, each re-planned. A vehicle in
-the air fails at random and is lost for good with its pack. What it had on board is flown again by the others, spares
-among them; a spare stands at a base and flies only once somebody is lost. A re-plan is the first that is found to
-inspect everything in the hours that are left, so a share is a lower bound of what the best re-plans reach.
+The number of vehicles and packs comes from simulation: the days are flown many times with random losses, each
+re-planned. An airborne vehicle fails at random and is permanently lost with its pack. The others, spares included, fly
+its lost inspections again; a spare stands at a base and flies only after a loss. Each re-plan is the first one found
+that inspects everything in the hours that are left, so a share is a lower bound for the best re-plans.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from planner.sorties.sortie_annealing import MoveTable
 
 ENOUGH = 3_000
-"""Iterations in which a re-plan must be found that inspects everything."""
+"""Iterations within which a re-plan must inspect everything."""
 POLISHED = 400
-"""Iterations that each re-plan has: one that only just fits would leave no time for the next loss."""
+"""Minimum iterations of each re-plan: one that only just fits would leave no time for the next loss."""
 SAME_TIME_S = 1e-6
 
 
@@ -63,22 +63,22 @@ def solve_sorties(
 ) -> SortieResult:
     """Return the best plan found until ``stop`` ends the search.
 
-    What no vehicle can do, and what finds no day, is left uncovered.
+    Segments that no vehicle can inspect or that do not fit into any day are left uncovered.
 
     Args:
         instance: the problem.
-        stop: asked at least every 200 iterations of a start.
-        objective: what comes first.
-        seed: of all randomness.
-        starts: searches side by side, a thread each; iterations are counted over all of them.
-        initial: sorties to begin with, by vehicle and time; the search puts in what is missing.
-        table: the moves, where they are priced already.
-        on_progress: told where the search stands.
+        stop: checked at least every 200 iterations of a start.
+        objective: the primary objective.
+        seed: seed of all randomness.
+        starts: parallel searches, one thread each; iterations are counted over all of them.
+        initial: first sorties, by vehicle and time; the search inserts the missing segments.
+        table: the moves, if already computed.
+        on_progress: called with the progress of the search.
 
     Raises:
         PlanError: ``initial`` has a segment twice.
     """
-    # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
+    # Imported here because numba takes a second to load, and many callers never make a plan.
     from planner.sorties.sortie_annealing import SortieSearch
 
     search = SortieSearch(instance, objective=objective, seed=seed, starts=starts, initial=initial, table=table)
@@ -86,7 +86,7 @@ def solve_sorties(
 
 
 def _stop_once_polished(progress: Progress) -> StopVerdict:
-    """Stop at the first plan that covers everything, but not at once; or when it is certain that there is none."""
+    """Stop after POLISHED iterations once a plan covers everything, or when it is certain that there is none."""
     if progress.feasible and not progress.impossible and progress.iterations < POLISHED:
         return StopVerdict(POLISHED - progress.iterations, "polished")
     return FirstFeasible()(progress)
@@ -94,38 +94,38 @@ def _stop_once_polished(progress: Progress) -> StopVerdict:
 
 @dataclass(frozen=True, slots=True)
 class SortiesAfterLoss:
-    """What is left of a plan after losses."""
+    """The sorties and the problem after losses."""
 
     kept: tuple[Route, ...]
     """Sorties that count or are under way."""
     instance: SortieInstance
-    """The rest: from where everybody and every pack will be."""
+    """The remaining problem, with the next position of every vehicle and pack."""
     tails: tuple[Route, ...]
-    """What those who are left were to fly next."""
+    """Sorties that the remaining vehicles were to fly next."""
     broken: tuple[Route, ...]
-    """What the lost were flying: nothing of it counts, but its packs are gone."""
+    """Sorties that the lost vehicles were flying: no inspection counts, and the packs are lost."""
 
 
 def build_sorties_after_loss(
     instance: SortieInstance, sorties: Sequence[Route], lost: Mapping[int, float], at_s: float
 ) -> SortiesAfterLoss:
-    """Return what is left at a time when some vehicles are lost.
+    """Return the sorties and the problem left at a time when some vehicles are lost.
 
     Args:
         instance: the whole days.
-        sorties: everybody's, as known until now, by vehicle and time; those of the lost that count may be among them.
-        lost: when each was, by its number.
-        at_s: now.
+        sorties: sorties of all vehicles known so far, by vehicle and time, including those of lost ones that count.
+        lost: the time of each loss, by vehicle number.
+        at_s: the current time.
 
     Raises:
-        PlanError: a vehicle that there is not.
+        PlanError: a vehicle does not exist.
     """
     fleet = len(instance.vehicles)
     if not all(0 <= one < fleet for one in (*lost, *(sortie.vehicle for sortie in sorties))):
         raise PlanError(f"expected sorties and losses of {fleet} vehicles")
     kept, tails, broken = list[Route](), list[Route](), list[Route]()
     flown: list[tuple[Route, float]] = []
-    """All that took off, with how long it took, also what was lost: packs and take-offs are gone with it."""
+    """All sorties that took off, with their durations, lost ones included: these also used packs and take-offs."""
     wanted = instance.wanted.copy()
     vehicles = [replace(own, ready_s=max(own.ready_s, at_s)) for own in instance.vehicles]
     for one in sorties:
@@ -159,7 +159,7 @@ def build_sorties_after_loss(
 def _build_bases(
     instance: SortieInstance, opens_s: float, flown: Sequence[tuple[Route, float]], day: int
 ) -> tuple[SortieBase, ...]:
-    """Return bases with the packs that they have left today."""
+    """Return the bases with the packs that they have left today."""
     pools = [base.list_packs(day, opens_s) for base in instance.bases]
     last = [base.taken_off_s for base in instance.bases]
     for one, long in sorted(flown, key=lambda pair: pair[0].start_s):
@@ -177,13 +177,13 @@ def _build_bases(
 
 @dataclass(frozen=True, slots=True)
 class LossWindow:
-    """From when on a vehicle may be lost for good, and everything is still inspected by the end of the last day."""
+    """The time from which a vehicle may be permanently lost with everything inspected by the end of the last day."""
 
     vehicle: str
     from_s: float
-    """Seconds from the first midnight; 0 if at any time."""
+    """Seconds from the first midnight; 0 for any time."""
     breaks: int | None = None
-    """Its last sortie, counted from 0, whose loss no re-plan was found for."""
+    """Its last sortie, counted from 0, for whose loss no re-plan was found."""
 
 
 def find_loss_windows(
@@ -195,11 +195,11 @@ def find_loss_windows(
 ) -> tuple[LossWindow, ...]:
     """Return each vehicle's window over the days.
 
-    A loss is known at once. For the others it is never better to hear of it later, so of all the times of one sortie
-    the last, just before it lands, decides. That a re-plan exists was shown by one that was found; that none does is
-    only that the search found none.
+    A loss is known at once. A later notice is never better for the others, so of all loss times in a sortie the last
+    one, just before landing, decides. A re-plan that was found proves that one exists; if none was found, one may
+    still exist.
     """
-    # Only here: it loads the kernels.
+    # Imported here because it loads the kernels.
     from planner.sorties.sortie_annealing import build_move_table
 
     table = build_move_table(instance)
@@ -221,7 +221,7 @@ def find_loss_windows(
 
 
 def replan_sorties(left: SortiesAfterLoss, seed: int, table: MoveTable | None) -> Plan:
-    """Return a plan for what is left: one that inspects everything, else the best after all iterations."""
+    """Return a plan for the remaining problem: one that inspects everything, else the best after all iterations."""
     if not left.instance.wanted.any():
         return Plan(())
     stop = combine_stop_rules(_stop_once_polished, Iterations(ENOUGH))
@@ -235,17 +235,17 @@ HOUR_S = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class SurvivalEstimate:
-    """What many times the same days came to."""
+    """Results of flying the same days many times."""
 
     samples: int
     finished: ProbabilityEstimate
     losses: float
-    """On average, up to where the days could not be finished any more."""
+    """Mean number of losses, up to the point where the days could no longer be finished."""
     packs: tuple[tuple[int, ...], ...]
-    """For each sample in which everything was inspected the packs that each base needed, as ``count_packs_needed``."""
+    """Packs needed at each base, for each sample that inspected everything, as by ``count_packs_needed``."""
 
     def packs_for_share(self, share: float) -> tuple[int, ...]:
-        """Return how many packs of each base are enough in such a share of the finished samples."""
+        """Return the packs of each base that suffice in a given share of the finished samples."""
         if not self.packs:
             return ()
         return tuple(int(count) for count in np.quantile(np.array(self.packs), share, axis=0, method="higher"))
@@ -253,15 +253,15 @@ class SurvivalEstimate:
 
 @dataclass(frozen=True, slots=True)
 class SparesEstimate:
-    """What so many spares came to."""
+    """Results for a number of spares."""
 
     spares: tuple[int, ...]
-    """Whose likeness each of them is."""
+    """Number of the vehicle that each spare copies."""
     lives: SurvivalEstimate
 
 
 def add_spares(instance: SortieInstance, spares: Sequence[int]) -> SortieInstance:
-    """Return the instance with a likeness of each of some vehicles, standing where it stands."""
+    """Return the instance with a spare for each given vehicle: a copy of it at the same place."""
     rows = [*range(len(instance.vehicles)), *spares]
     fleet = [replace(instance.vehicles[one], name=f"spare{number}") for number, one in enumerate(spares, 1)]
     return replace(
@@ -273,43 +273,43 @@ def add_spares(instance: SortieInstance, spares: Sequence[int]) -> SortieInstanc
 
 @dataclass(frozen=True, slots=True)
 class SurvivalCampaign:
-    """Days that are to be flown many times."""
+    """Settings of a campaign that flies the same days many times."""
 
     instance: SortieInstance
-    """Spares included; they come last."""
+    """The instance including the spares, which come last."""
     plan: Plan
-    """Everybody's sorties without a loss; of spares there need not be any."""
+    """Sorties of all vehicles without a loss; spares may have none."""
     mtbf_h: float
     """Mean flight hours between failures of one vehicle."""
     seed: int = 0
-    """Of all random numbers: with the same one vehicles fail alike, however many spares there are."""
+    """Seed of all random numbers: the same seed gives the same failures, whatever the number of spares."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampleResult:
-    """What one time came to."""
+    """Result of one sample."""
 
     losses: int
     packs: tuple[int, ...] | None
-    """That each base needed; none where something was left over."""
+    """Packs needed at each base; none if a segment was left over."""
 
 
 DAYS_PER_CHUNK = 10
-"""So many times days are flown at once; chance is the campaign's, by the number of each time."""
+"""Samples flown per chunk; random numbers depend on the campaign and the number of each sample."""
 
 
 def simulate_days(campaign: SurvivalCampaign, chunk: FlightChunk) -> tuple[SampleResult, ...]:
-    """Fly days some times; what they come to is the same wherever that is done."""
-    # Only here: it loads the kernels.
+    """Fly the days of a chunk; the result does not depend on the process that runs it."""
+    # Imported here because it loads the kernels.
     from planner.sorties.sortie_annealing import build_move_table
 
     table = build_move_table(campaign.instance)
-    # Each sortie is priced again and again here.
+    # Each sortie is evaluated many times here.
     instance = replace(campaign.instance, moves=MoveTables(table.move[..., 0], table.move[..., 1]))
     outcomes = []
     for sample in range(chunk.first, chunk.first + chunk.flights):
         chance = np.random.default_rng((campaign.seed, sample))
-        # Spares come last, and drawn one by one: the others' fates do not depend on how many there are.
+        # Spares come last and lives are drawn one by one: those of the others do not depend on the number of spares.
         life_s = [float(chance.exponential(campaign.mtbf_h * HOUR_S)) for _ in instance.vehicles]
         flown, lost, finished = _simulate_once(instance, campaign.plan, life_s, campaign.seed, table)
         outcomes.append(SampleResult(lost, count_packs_needed(instance, flown) if finished else None))
@@ -317,7 +317,7 @@ def simulate_days(campaign: SurvivalCampaign, chunk: FlightChunk) -> tuple[Sampl
 
 
 def summarise_samples(chunks: Sequence[Sequence[SampleResult]]) -> SurvivalEstimate:
-    """Return what all times came to."""
+    """Return the estimate from all samples."""
     outcomes = [one for chunk in chunks for one in chunk]
     packs = tuple(one.packs for one in outcomes if one.packs is not None)
     losses = sum(one.losses for one in outcomes)
@@ -329,7 +329,7 @@ def summarise_samples(chunks: Sequence[Sequence[SampleResult]]) -> SurvivalEstim
 def _simulate_once(
     instance: SortieInstance, plan: Plan, life_s: Sequence[float], seed: int, table: MoveTable
 ) -> tuple[Sequence[Route], int, bool]:
-    """Return all sorties that took off, how many vehicles were lost, and whether nothing is left over."""
+    """Return all sorties that took off, the number of lost vehicles, and whether everything was inspected."""
     lost: dict[int, float] = {}
     flown: Sequence[Route] = plan.routes
     while not plan.uncovered:
@@ -349,7 +349,7 @@ def _simulate_once(
 
 
 def _failure_time_s(instance: SortieInstance, flown: Sequence[Route], vehicle: int, life_s: float) -> float | None:
-    """Return when a vehicle fails that lasts so many seconds in the air; None if it outlasts its sorties."""
+    """Return when a vehicle with this life in flight seconds fails; None if it outlasts its sorties."""
     for one in flown:
         if one.vehicle != vehicle:
             continue

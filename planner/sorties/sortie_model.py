@@ -1,4 +1,4 @@
-"""Days of many sorties, as frozen data, and the definition of their figures, which the kernels must agree with.
+"""Days of many sorties as frozen data, and the reference definition of their figures, which the kernels must match.
 
 Times are seconds from the first midnight, energies percent of a full pack.
 """
@@ -19,38 +19,38 @@ from planner.model import Plan, Route
 from planner.moves import FloatArray, Moves
 
 Window = tuple[float, float]
-"""Begin and end."""
+"""Start and end of a time window."""
 
 
 class Objective(Enum):
-    """What a plan is chosen by; the others decide between equals."""
+    """The objective of a plan; the others break ties."""
 
     FINISH = "finish"
-    """When the last sortie lands."""
+    """Landing time of the last sortie."""
     FLIGHT = "flight"
-    """The time in the air of all sorties."""
+    """Total flight time of all sorties."""
     SWAPS = "swaps"
-    """The number of sorties, each of which takes a pack."""
+    """Number of sorties, each of which uses a pack."""
 
 
 @dataclass(frozen=True, slots=True)
 class SortieBase:
-    """Where sorties begin and end."""
+    """A base where sorties begin and end."""
 
     name: str
     turnaround_s: float
-    """From a landing here to the vehicle's next take-off: the pack is swapped, or charged in the vehicle."""
+    """Seconds from a landing here to the vehicle's next take-off: the pack is swapped, or charged in the vehicle."""
     packs: int | None = None
-    """Charged at the begin of each day; None where there are always enough."""
+    """Packs charged at the beginning of each day; None if unlimited."""
     recharge_s: float | None = None
-    """From a landing here until the pack can fly again; None where packs are charged overnight alone."""
+    """Seconds from a landing here until the pack can fly again; None if packs are only charged overnight."""
     charged_s: tuple[float, ...] | None = None
-    """When each pack is charged on the first day, once that day has begun; None for all of ``packs`` at its begin."""
+    """When each pack is charged on the first day, once that day has begun; None if all ``packs`` are at its start."""
     taken_off_s: float = -math.inf
-    """When a vehicle took off here last."""
+    """Time of the last take-off here."""
 
     def list_packs(self, day: int, opens_s: float) -> list[float]:
-        """Return when each pack is charged, at the begin of a day; nothing where there are always enough."""
+        """Return the charge completion time of each pack at the beginning of a day; empty if packs are unlimited."""
         if self.packs is not None and day == 0 and self.charged_s is not None:
             return list(self.charged_s)
         return [opens_s] * (self.packs or 0)
@@ -58,23 +58,23 @@ class SortieBase:
 
 @dataclass(frozen=True, slots=True)
 class SortieVehicle:
-    """A vehicle, and where it is."""
+    """A vehicle and its current state."""
 
     name: str
     base: int
-    """Where it stands."""
+    """Current base."""
     budget_pct: float
-    """What a sortie may use."""
+    """Energy limit of a sortie."""
     windows: tuple[Window, ...]
-    """When it may fly, ascending: a sortie lies in one of them. Empty for a vehicle that does not fly any more."""
+    """Flight windows, ascending: each sortie lies in one of them. Empty for a vehicle that no longer flies."""
     lands: tuple[int, ...]
     """Bases where it may land and take off."""
     profile: int = 0
-    """Of the moves."""
+    """Index of its profile in the moves."""
     consumption: float = 1.0
-    """What it uses of what moves say."""
+    """Factor on the energy of moves."""
     ready_s: float = 0.0
-    """No sortie of its own begins earlier."""
+    """Earliest start of its next sortie."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,35 +82,35 @@ class SortieInstance:
     """``n`` segments, ``d`` bases, ``k`` vehicles. Visit ``2 * segment + reversed`` is a segment in one direction."""
 
     moves: Moves
-    """From the end of a visit to the end of another."""
+    """Moves from the end of one visit to the end of another."""
     bases: tuple[SortieBase, ...]
     vehicles: tuple[SortieVehicle, ...]
     days: tuple[Window, ...]
-    """Between them all packs are charged and back at their bases."""
+    """Working days; between them all packs are charged and returned to their bases."""
     out_s: FloatArray
-    """(k, d, 2n) float64: from the pad of a base to the end of a visit, the climb included."""
+    """(k, d, 2n) float64: seconds from the pad of a base to the end of a visit, the climb included."""
     out_pct: FloatArray
-    """(k, d, 2n) float64, the vehicle's consumption included."""
+    """(k, d, 2n) float64: energy of the same moves, the vehicle's consumption included."""
     home_s: FloatArray
-    """(k, 2n, d) float64: from the end of a visit onto the pad of a base."""
+    """(k, 2n, d) float64: seconds from the end of a visit to the pad of a base."""
     home_pct: FloatArray
-    """(k, 2n, d) float64."""
+    """(k, 2n, d) float64: energy of the same moves."""
     transfer_s: FloatArray
-    """(d, d) float64: to move a vehicle on the ground; infinite where it cannot be."""
+    """(d, d) float64: seconds to move a vehicle on the ground; infinite if impossible."""
     able: npt.NDArray[np.bool_]
-    """(k, n): whether a vehicle may inspect a segment: its camera is good for it."""
+    """(k, n): whether a vehicle may inspect a segment: its camera is suitable."""
     wanted: npt.NDArray[np.bool_]
-    """(n,): segments that are to be inspected."""
+    """(n,): segments to inspect."""
     stagger_s: float = 0.0
-    """The least time between two take-offs from a base."""
+    """Minimum time between two take-offs from a base."""
     locked: Mapping[int, int] = field(default_factory=dict)
-    """Segments that one vehicle alone may inspect, and its number."""
+    """Segments locked to one vehicle, with the vehicle's number."""
 
     def __post_init__(self) -> None:
         """Check shapes and numbers.
 
         Raises:
-            InstanceError: what does not fit.
+            InstanceError: a shape or a number is invalid.
         """
         if not self.bases or not self.vehicles or not self.days:
             raise InstanceError("bases, vehicles, days: expected one at least of each")
@@ -135,12 +135,12 @@ class SortieInstance:
 
     @property
     def segments(self) -> int:
-        """How many there are."""
+        """Number of segments."""
         return len(self.wanted)
 
     @property
     def allowed(self) -> npt.NDArray[np.bool_]:
-        """(k, n): whether a vehicle is able to inspect a segment, and no other one alone may."""
+        """(k, n): whether a vehicle can inspect a segment that is not locked to another one."""
         allowed = self.able.copy()
         for segment, keeper in self.locked.items():
             allowed[np.arange(len(allowed)) != keeper, segment] = False
@@ -177,7 +177,7 @@ def _check_windows(name: str, windows: Iterable[Window]) -> None:
 
 
 def subtract_quiet_times(days: Iterable[Window], quiet: Iterable[Window]) -> tuple[Window, ...]:
-    """Return days without quiet times.
+    """Return the days with quiet times removed.
 
     >>> subtract_quiet_times([(8.0, 16.0)], [(12.0, 13.0), (15.0, 20.0)])
     ((8.0, 12.0), (13.0, 15.0))
@@ -194,7 +194,7 @@ def subtract_quiet_times(days: Iterable[Window], quiet: Iterable[Window]) -> tup
 
 
 TOLERANCE = 1e-6
-"""Seconds or percent by which sums may differ: they depend on their order."""
+"""Tolerance of sums in seconds or percent: they depend on the order of addition."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,29 +202,29 @@ class SortieEvaluation:
     """The figures of a plan."""
 
     finish_s: float
-    """When the last sortie lands; 0 without one."""
+    """Landing time of the last sortie; 0 without one."""
     flight_s: float
-    """The time in the air of all sorties."""
+    """Total flight time of all sorties."""
     durations_s: tuple[float, ...]
-    """How long each sortie takes, as the plan has them."""
+    """Duration of each sortie, in plan order."""
     energies_pct: tuple[float, ...]
     violations: tuple[str, ...]
-    """In words; empty if every wanted segment is flown or named as uncovered, by sorties that may be."""
+    """Violations in words; empty if every wanted segment is flown or listed as uncovered, by valid sorties."""
 
     @property
     def count(self) -> int:
-        """Of the sorties: each takes a pack."""
+        """Number of sorties: each uses a pack."""
         return len(self.durations_s)
 
     def value_of(self, objective: Objective) -> float:
-        """Return what the plan comes to by an objective: seconds, or a number of sorties."""
+        """Return the plan's value of an objective: seconds, or a number of sorties."""
         figures = {Objective.FINISH: self.finish_s, Objective.FLIGHT: self.flight_s, Objective.SWAPS: self.count}
         return float(figures[objective])
 
 
 @dataclass(frozen=True, slots=True)
 class SortieResult:
-    """The best plan that a search found, with its figures from the definition."""
+    """The best plan found by a search, with its reference figures."""
 
     plan: Plan
     evaluation: SortieEvaluation
@@ -234,7 +234,7 @@ class SortieResult:
 
 
 def sortie_duration_s(instance: SortieInstance, sortie: Route) -> float:
-    """Return how long a sortie takes.
+    """Return the duration of a sortie.
 
     Raises:
         PlanError: it has no visit, or a vehicle, a visit or a base that the instance does not have.
@@ -243,7 +243,7 @@ def sortie_duration_s(instance: SortieInstance, sortie: Route) -> float:
 
 
 def _measure_sortie(instance: SortieInstance, sortie: Route) -> tuple[float, float]:
-    """Return a sortie's seconds, and its percent of a full pack."""
+    """Return a sortie's duration in seconds and energy in percent of a full pack."""
     _check(instance, sortie)
     vehicle, visits = sortie.vehicle, list(sortie.visits)
     own = instance.vehicles[vehicle]
@@ -268,7 +268,7 @@ def _check(instance: SortieInstance, sortie: Route) -> None:
 
 
 def evaluate_sorties(instance: SortieInstance, plan: Plan) -> SortieEvaluation:
-    """Return a plan's figures, and what is wrong with it.
+    """Return the figures and violations of a plan.
 
     Raises:
         PlanError: it has other vehicles, segments or bases.
@@ -346,9 +346,9 @@ def _check_packs(instance: SortieInstance, plan: Plan, lasts: Sequence[float]) -
 
 
 def count_packs_needed(instance: SortieInstance, sorties: Sequence[Route]) -> tuple[int, ...]:
-    """Return the packs that each base needs on its hardest day: as many as never to keep one of these sorties waiting.
+    """Return the packs that each base needs on its busiest day so that no sortie has to wait.
 
-    A pack counts with the base where it lands, from where it may fly again once it is charged.
+    A pack counts for the base where it lands; it can fly again from there once it is charged.
     """
     need = [0] * len(instance.bases)
     for opens, closes in instance.days:
