@@ -331,7 +331,7 @@ export interface RadioView {
   positions_hz: number;
 }
 
-/** The re-plan window: from when on the others can finish if any one vehicle is lost. */
+/** The re-plan window: the time from which the others can finish if any one vehicle is lost. */
 export interface Window {
   /** Window as a share of the longest route. */
   window_pct: number;
@@ -528,12 +528,12 @@ export interface LeftPart {
   why: string;
 }
 
-/** From when on a vehicle may be lost for good, and everything is still inspected by the end of the last day. */
+/** The time from which a vehicle may be permanently lost with everything inspected by the end of the last day. */
 export interface LossWindow {
   vehicle: string;
-  /** Seconds from the first midnight; 0 if at any time. */
+  /** Seconds from the first midnight; 0 for any time. */
   from_s: number;
-  /** Its last sortie, counted from 0, whose loss no re-plan was found for. */
+  /** Its last sortie, counted from 0, for whose loss no re-plan was found. */
   breaks: number | null;
 }
 
@@ -699,9 +699,9 @@ export interface TurnView {
   packs: number | null;
 }
 
-/** A loss that nothing repairs. */
+/** A loss that no re-plan can recover. */
 export interface BreakingLoss {
-  /** Its name. */
+  /** Vehicle name. */
   vehicle: string;
   from_s: number;
   to_s: number;
