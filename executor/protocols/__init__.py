@@ -1,1 +1,1 @@
-"""MAVLink dialogues as machines without I/O: messages and deadlines in, messages and one outcome out."""
+"""MAVLink dialogues as state machines without I/O: messages and deadlines in, messages and one outcome out."""

@@ -17,10 +17,10 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.messages import Message, Outgoing
 
 VARIANCES = 2
-"""How far above the mean an answer is waited for. RFC 6298 has four, and whole segments to lose by a mistake. Here a
-question is 20 bytes, and on a link that loses a fifth each way every third one waits for this."""
+"""Variances above the mean to wait for an answer. RFC 6298 has four, as a wrong retransmission costs a whole segment.
+Here a question is 20 bytes, and on a link that loses a fifth each way every third one waits this long."""
 LEAST_VARIANCE_S = 0.1
-"""Beyond the round trip itself: a busy computer, and a vehicle that answers in its own rhythm."""
+"""Least margin above the round trip, for a busy computer and a vehicle that answers at fixed intervals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +28,13 @@ class RoundTrip:
     """What is known of a link's round trip."""
 
     waits_s: float = 1.0
-    """An answer that takes longer is taken for lost; the first figure is RFC 6298's own."""
+    """Time after which an answer counts as lost; initially that of RFC 6298."""
     most_s: float = 8.0
     least_s: float = 0.25
     mean_s: float | None = None
     varies_s: float = 0.0
     shortest_s: float = 0.0
-    """That was ever measured."""
+    """Shortest round trip measured so far."""
 
     @property
     def usual_s(self) -> float:
@@ -67,7 +67,7 @@ class RoundTrip:
 
 
 SAME_S = 1e-6
-"""Times nearer to each other than this are one: a timer may end that much before its deadline, and sums are rounded."""
+"""Difference below which two times are equal: timers end slightly early, and sums are rounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +110,14 @@ class DialogueMachine(ABC):
     """One dialogue."""
 
     outcome: Outcome | None = None
-    """The one outcome, once there is one."""
+    """The outcome, once there is one."""
     deadline_s: float = 0.0
-    """When `on_deadline` wants to be called if nothing comes before."""
+    """Time at which to call `on_deadline` if no message arrives before."""
     round_trip: RoundTrip = field(default=RoundTrip(), kw_only=True)
-    """Of the link, as far as it is known."""
+    """Round trip of the link, as far as measured."""
 
     is_transfer: ClassVar[bool] = False
-    """Whether it is long, so that it takes turns with those of other vehicles on the same radio."""
+    """Whether it is a long transfer, which takes turns with those of other vehicles on the same radio."""
 
     @property
     def accepted(self) -> bool:

@@ -33,7 +33,7 @@ from missions.stored_items import predict_stored_item
 
 NAME = b"@MISSION/mission.dat"
 SESSION = 190
-"""Of ours, as our component; other stations count theirs from 0 on."""
+"""Our MAVFTP session, the same as our component id; other stations count from 0."""
 HEADER = struct.Struct("<HHHHH")
 """Magic, kind of list, options, first item, number of items."""
 MAGIC, KEEP_THE_REST = 0x763D, 1
@@ -41,15 +41,15 @@ ITEM = struct.Struct("<4fiifHHBBBBBB")
 """MISSION_ITEM_INT as it is on the wire."""
 CHECKSUM = struct.Struct("<I")
 ITEMS_IN_ONE = 2
-"""The frame of two items fits a radio's packet of 118 bytes."""
+"""Items per frame; two fit a radio's packet of 118 bytes."""
 MOST_AT_ONCE = 4
-"""It keeps five questions, and drops what comes then (GCS_FTP.cpp)."""
+"""Most requests in flight; ArduPilot queues five and drops more (GCS_FTP.cpp)."""
 OPEN_REPEATS = 4
 MOST_RESTARTS = 3
 SILENT_S = 8.0
 MOST_WAIT_S = 2.0
 FAILED = 1
-"""MAVFTP's error of an autopilot that has a file open already."""
+"""MAVFTP error of an autopilot that already has a file open."""
 
 
 class FileOperation(IntEnum):
@@ -65,7 +65,7 @@ F = TypeVar("F", bound="MissionFileUpload")
 Sent = tuple[messages.Outgoing, ...]
 Request = messages.FileRequest | messages.MissionRequest | messages.MissionCount | messages.MissionItemInt
 Step = tuple[Request, ...]
-"""Requests of which none waits for another; all are answered before the next step."""
+"""Independent requests; all must be answered before the next step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,31 +86,31 @@ class MissionFileUpload(DialogueMachine):
     items: tuple[MissionItem, ...]
     """The whole mission."""
     first: int
-    """The first item that is not on board yet."""
+    """First item that differs from the mission on board."""
     number: int
-    """Of the next request. A vehicle that hears the number of its last answer again repeats that answer, so two uploads
-    must not begin with the same one."""
+    """Number of the next request. A vehicle repeats its last answer if it receives the same number again, so two
+    uploads must not start with the same number."""
     rest: tuple[MissionItem, ...] = ()
-    """What stands on board behind the last item, to be cut off."""
+    """Items on board beyond the new mission, to be cut off."""
     is_cut: bool = False
-    """Whether that was begun."""
+    """Whether the cut has begun."""
     steps: tuple[Step, ...] = ()
-    """What is left to be asked, the step under way first."""
+    """Remaining steps, the present one first."""
     under_way: tuple[_Asked, ...] = ()
     is_open: bool = False
     """Whether the vehicle has opened the file."""
     is_begun: bool = False
-    """Whether the whole file was closed: the new mission may be on board."""
+    """Whether the complete file was closed, so that the new mission may be on board."""
     is_doubtful: bool = False
-    """Whether the header came too late, for the first time or again: only the checksum tells."""
+    """Whether the header may have arrived after a time-out; only the checksum decides."""
     restarts: int = 0
-    """How often the file was opened anew."""
+    """Number of times the file was reopened."""
     checksum: int | None = None
-    """Of all that is on board, as the vehicle says it."""
+    """Checksum of the mission on board, as reported."""
     home: MissionItem | None = None
-    """What is on board in the place of item 0."""
+    """Item 0 on board."""
     tries: int = 0
-    """How often was asked since the last answer."""
+    """Number of requests since the last answer."""
     heard_s: float = 0.0
     round_trip: RoundTrip = field(default=RoundTrip(most_s=MOST_WAIT_S), kw_only=True)
 
@@ -193,9 +193,9 @@ _CLOSE = messages.FileRequest(SESSION, FileOperation.CLOSE)
 _CHECK = messages.FileRequest(SESSION, FileOperation.CHECKSUM, data=NAME)
 _NO_HEADER = bytes(HEADER.size)
 _REFUSED = messages.MissionItemInt(MissionItem(0, 0, 0))
-"""No command has this number: an upload ends with it (AP_Mission::mavlink_int_to_mission_cmd)."""
+"""An item with an unknown command, whose refusal ends an upload (AP_Mission::mavlink_int_to_mission_cmd)."""
 _DROP: tuple[Step, ...] = ((_write(0, _NO_HEADER),), (_CLOSE,))
-"""Closes a file that must not be taken."""
+"""Closes a file without a header, so that it is dropped."""
 
 
 def pack_items(items: Iterable[MissionItem]) -> bytes:

@@ -37,27 +37,26 @@ COUNT_TRIES = 5
 """QGroundControl's figures (PlanManager.h), recommended by the mission protocol page of mavlink.io."""
 MOVED_PERIOD_S = 0.5
 REPEAT_S = 0.1
-"""A request repeated sooner than this, or than a round trip, crossed our answer on the way and is not answered twice
-(PX4 issue 11078)."""
+"""A request repeated sooner than this, or than a round trip, crossed our answer and is not answered twice (PX4 issue
+11078)."""
 FIRST_TRIP = RoundTrip(least_s=REPEAT_S, most_s=2.4)
-"""PX4 gives up after 5 s without an item: it gets two copies in that time, however slow the link is."""
+"""Initial round trip. PX4 gives up after 5 s without an item, so it gets two copies within that time on any link."""
 U = TypeVar("U", bound="UploadDialogue")
 D = TypeVar("D", bound="DownloadDialogue")
 Sent = tuple[messages.Outgoing, ...]
 
 LEAST_PERIOD_S = 0.25
-"""An item is not repeated sooner without having been asked for: the vehicle, or this computer, may be busy."""
+"""Least interval of unrequested repeats of an item; the vehicle or this computer may be busy."""
 LAST_ITEM_PERIOD_S = 1.0
 MOST_AHEAD = 16
-"""Items under way, or questions: half of what the buffer of a telemetry radio holds."""
+"""Most items or questions in flight: half a telemetry radio's buffer."""
 FIRST_AHEAD = 8
 AHEAD = {1: MOST_AHEAD, 2: 6, 3: 10}
-"""The same for each of so many transfers side by side: our heartbeats wait behind them all."""
+"""The same by number of parallel transfers; our heartbeats wait behind all of them."""
 AGAIN_AHEAD = 4
-"""From an item on that got lost so many go out: where one is lost others will be, and what is behind them has to be
-sent again."""
+"""Items to resend from a lost one on; if one is lost, others may be, and all behind them must be resent."""
 AHEAD_TRIP_S = 0.03
-"""A link that answers sooner needs none of that."""
+"""Round trip below which items need not be sent ahead."""
 
 RESULT_ACCEPTED = 0
 RESULT_ERROR = 1
@@ -83,7 +82,7 @@ class _UnderWay:
     seq: int
     at_s: float
     first_s: float | None = None
-    """When it was sent before, where it was: nobody knows which of the two is answered. Minus infinity if forgotten."""
+    """Time it was first sent, if it was repeated, as the answer may be to either. Minus infinity if forgotten."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,40 +92,40 @@ class UploadDialogue(DialogueMachine):
     is_transfer = True
     items: tuple[MissionItem, ...]
     silence_s: float
-    """How long the vehicle may stay silent after its first request: longer than its own time-out."""
+    """Longest silence of the vehicle after its first request; longer than its own time-out."""
     warnings: frozenset[int]
-    """MAV_MISSION_RESULTs that this autopilot sends while it goes on (ArduPilot: 13)."""
+    """MAV_MISSION_RESULTs with which this autopilot continues (ArduPilot: 13)."""
     kind: MissionKind = MissionKind.MISSION
-    """Which of the vehicle's lists: what is said of another is another dialogue's."""
+    """Kind of list; messages about another kind belong to another dialogue."""
     counts_sent: int = 0
     counted_s: float = 0.0
-    """When it was announced first."""
+    """Time of the first announcement."""
     furthest: int = -1
-    """The highest item asked for so far."""
+    """Highest item requested so far."""
     under_way: tuple[_UnderWay, ...] = ()
-    """In the order of their items."""
+    """Items in flight, in order."""
     ahead: int = MOST_AHEAD
-    """How many may be under way at most."""
+    """Most items in flight."""
     room: int = FIRST_AHEAD
-    """How many may be now."""
+    """Items that may be in flight now."""
     highest: int = -1
-    """The highest item that was ever sent."""
+    """Highest item sent so far."""
     repeats: int = 0
-    """How often something was repeated since the vehicle last asked."""
+    """Number of repeats since the vehicle's last request."""
     round_trip: RoundTrip = field(default=FIRST_TRIP, kw_only=True)
     heard_s: float = 0.0
-    """When the vehicle last asked for an item."""
+    """Time of the vehicle's last request."""
     refusal: int | None = None
-    """The error that it sent since its last request."""
+    """Error received since its last request."""
     early: bool = False
-    """Whether it has accepted the list since then, and not asked for all of it."""
+    """Whether it has accepted the list since then without requesting all of it."""
     checksum: int | None = None
-    """Of the list, as the vehicle says it when it accepts it; None from one that has none."""
+    """Checksum that the vehicle reports on acceptance; None if it reports none."""
 
     moved: bool = False
     """Whether it was announced over another link before."""
     is_touched: bool = False
-    """Whether the vehicle had asked for an item there."""
+    """Whether the vehicle had requested an item there."""
 
     @property
     def is_begun(self) -> bool:
@@ -298,12 +297,12 @@ def build_rejection(what: str, result: int) -> Rejected:
 
 
 MOST_PERIOD_S = 2.0
-"""PX4 ends the transfer after 5 s without a question: two in a row may get lost."""
+"""Longest interval between questions. PX4 ends a transfer after 5 s without one, and two in a row may get lost."""
 LEFT_S = 5.0
-"""After so long without an answer PX4 has ended it."""
+"""Silence after which PX4 has ended the transfer."""
 SILENT_S = 8.0
 ANEW = 3
-"""How often the list is asked for anew where the vehicle answers again and again."""
+"""Number of times the list is requested anew from a vehicle that keeps answering."""
 FIRST_READ_TRIP = RoundTrip(waits_s=1.0, most_s=MOST_PERIOD_S)
 
 
@@ -313,36 +312,36 @@ class DownloadDialogue(DialogueMachine):
 
     is_transfer = True
     kind: MissionKind = MissionKind.MISSION
-    """Which of the vehicle's lists: what is said of another is another dialogue's."""
+    """Kind of list; messages about another kind belong to another dialogue."""
     first: int = 0
-    """The first item that is wanted."""
+    """First item to read."""
     ahead: int = 1
-    """How many questions may be under way: 1 where they must come in their turn."""
+    """Most questions in flight; 1 if they must be in order."""
     checksum: int | None = None
-    """With this one on board nothing needs to be read."""
+    """Expected checksum; if it is on board nothing needs to be read."""
     count: int | None = None
     items: tuple[MissionItem, ...] = ()
-    """From the first one on that is wanted, without a gap."""
+    """Items read, from the first on, without a gap."""
     later: tuple[MissionItem, ...] = ()
-    """What came before those that stand before it."""
+    """Items that arrived out of order."""
     proven: bool = False
-    """Whether the vehicle says that the list on board has that checksum."""
+    """Whether the vehicle reports that checksum."""
     room: int = FIRST_AHEAD
-    """How many questions may be under way now."""
+    """Questions that may be in flight now."""
     under_way: tuple[_UnderWay, ...] = ()
-    """In the order in which they were asked."""
+    """Questions in flight, oldest first."""
     tries: int = 0
     """How often was asked since the last answer."""
     refusal: int | None = None
-    """The error that came since."""
+    """Error received since the last answer."""
     round_trip: RoundTrip = field(default=FIRST_READ_TRIP, kw_only=True)
     asked_s: float = 0.0
     heard_s: float = 0.0
-    """When the last answer came."""
+    """Time of the last answer."""
     begun: int = 0
-    """How often the list was asked for after it had been answered before."""
+    """Number of times the list was requested again after an answer."""
     broke_off_at: str = ""
-    """What was asked for in vain before that."""
+    """Request that failed before that."""
 
     def begin(self, now_s: float) -> tuple[Self, Sent]:
         """Ask how many items there are."""

@@ -1,4 +1,4 @@
-"""Whose transfer is next on a channel that several vehicles share: one at a time, who needs it first goes first.
+"""Decide which transfer is next on a channel that several vehicles share: the most urgent one first.
 
 Side by side they would take the channel from each other, and all be late; only where answers are far do two or three
 use what the others wait for. One that does not come on keeps nobody waiting: its vehicle may be out of reach.
@@ -15,26 +15,26 @@ from executor.core.radio_budget import FULL_BUFFER_PCT
 from executor.protocols.machine import RoundTrip
 
 STALLED_S = 2.0
-"""A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
+"""Time without progress after which a transfer no longer holds the channel: three questions on a fast radio."""
 SLOW_S, FAR_S = 0.5, 1.25
-"""Round trips from which on there are two, and three."""
+"""Round trips from which two, and three transfers run in parallel."""
 FREE_PCT = 70
-"""Of the buffer of our own radio: it holds no more than it sends in a round."""
+"""Free share of our radio's buffer for three: it then holds no more than it sends in one round."""
 REPORT_S = 2.5
-"""A radio reports once a second; an older report says nothing."""
+"""Age up to which a radio's report counts; it reports once a second."""
 HOLD_S = 0.25
 MOST_HELD_S = 10.0
-"""A buffer that stays full for longer is believed no more."""
+"""Longest time for which a full buffer holds back repeats."""
 
 
 class Rank(IntEnum):
     """What kind of transfer it is, the most urgent first."""
 
     IN_FLIGHT = 0
-    """A new mission, or fence, for who flies."""
+    """A new mission or fence for a vehicle in flight."""
     BEFORE_FLIGHT = 1
     BESIDE = 2
-    """What nobody waits for."""
+    """Transfers that nothing waits for."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -43,9 +43,9 @@ class Turn:
 
     rank: Rank
     needed_s: float
-    """In how many seconds it should be over."""
+    """Seconds within which it should be complete."""
     number: int
-    """In the order in which they came."""
+    """Sequence number of the request."""
 
 
 def count_at_once(trip: RoundTrip, radio: Radio | None) -> int:

@@ -20,7 +20,7 @@ from executor.protocols.machine import RoundTrip
 from executor.protocols.turns import Rank, Turn, count_at_once, find_wait_s, is_buffer_full, is_next
 
 MOST_CHANNELS = 200
-"""That are remembered: a connection that breaks is another one after it."""
+"""Most channels to remember; a reopened connection is a new one."""
 LEAST_WAIT_S = 0.01
 
 
@@ -29,18 +29,18 @@ class Channel:
     """One channel, as far as our own dialogues know it; times are those of dialogues."""
 
     round_trip: RoundTrip = field(default_factory=RoundTrip)
-    """By the last dialogue that has measured it."""
+    """Round trip, as last measured by a dialogue."""
     radio: Radio | None = None
     radio_s: float = float("-inf")
     under_way: dict[Turn, float] = field(default_factory=dict)
-    """Transfers, and when each came on last by the loop's clock."""
+    """Transfers in progress, with the loop time of their last progress."""
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     sent_s: float = float("-inf")
-    """When a dialogue said something, by the loop's clock."""
+    """Loop time of the last message of a dialogue."""
     _numbers: count[int] = field(default_factory=count)
     _told: RoundTrip | None = None
-    """The round trip that was handed on last."""
+    """Round trip that was last passed on."""
 
     def hear(self, radio: Radio, now_s: float) -> None:
         """Take a report of our own radio."""

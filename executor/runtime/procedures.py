@@ -33,31 +33,30 @@ AnyUpload = UploadDialogue | MissionFileUpload
 
 UPLOAD_TRIES = 3
 UPLOAD_PATIENCE_S = 60.0
-"""An upload that has begun is tried again for this long: the mixture on board meanwhile is flown in the own layer."""
+"""Seconds for which a begun upload is retried; the mixture on board meanwhile stays in the vehicle's own layer."""
 UPLOAD_PATIENCE_REAL_S = 8.0
-"""The same in real seconds; half of it for one of which nothing is on board, which a busy computer may have kept from
-beginning."""
+"""The same in real seconds; half of it for an upload that has not begun, perhaps because the computer is busy."""
 AGAIN_WAIT_S = 3.0
-"""Before an upload is tried again; another station's transfer that goes on may be over by then."""
+"""Pause before an upload is retried, in which another station's transfer may end."""
 BUSY_TRIES = 4
-"""Of a vehicle that is busy with another transfer. From the second on it is left alone until one that is dead must have
-been freed: on PX4 asking sooner keeps it alive."""
+"""Attempts on a vehicle that is busy with another transfer. From the second on they wait until a dead transfer has
+timed out; on PX4 earlier requests keep it alive."""
 BUSY = frozenset({Ending.ERROR, Ending.OTHER_STATION})
-"""As an answer to the announcement of an upload."""
+"""Endings of an announcement that mean busy."""
 FREED_MARGIN_S = 1.0
 READ_BACK_TRIES = 3
 READ_WORTH_S = 2.0
-"""A list whose items would take longer to be read one by one is read only as far as nothing else proves it."""
+"""Time to read a list above which only the part without other proof is read."""
 SILENCE_MARGIN_S = 1.0
-"""We wait this much longer than the vehicle itself before an upload is given up."""
+"""Margin above the vehicle's own time-out before an upload is abandoned."""
 MODE_TIMEOUT_S = 5.0
 PATIENCE_REAL_S = 3.0
-"""Faster than real time a busy computer may be why nobody answers, so nothing is given up sooner than this. Measured:
-three PX4 at four times real time left every question of a second unanswered, on two busy cores."""
+"""Least real seconds before giving up, as a busy computer may delay answers in fast simulation. Measured: three PX4 at
+four times real time left every question of one second unanswered on two busy cores."""
 FENCE_DROPPED = "geofence invalid"
 """PX4: "Geofence invalid, doesn't contain Home position", "... current vehicle position"."""
 DROPPED_S = 1.5
-"""It came half a second after the acknowledgement (measured)."""
+"""Seconds to wait for that text; it came half a second after the acknowledgement (measured)."""
 ARM_PATIENCE_S = 30.0
 ARM_AGAIN_S = 2.0
 
@@ -69,17 +68,17 @@ class ProcedureResult:
     accepted: bool
     reason: str = ""
     mixed: bool = False
-    """Whether a part of a new mission may be on board."""
+    """Whether part of a new mission may be on board."""
     lost: bool = False
-    """Whether nobody answered."""
+    """Whether no answer came."""
     refused: bool = False
-    """Whether the answer was no."""
+    """Whether the answer was a refusal."""
     armed: bool = False
-    """Whether the vehicle had acknowledged that it arms."""
+    """Whether the vehicle had acknowledged arming."""
     code: Ending | None = field(default=None, compare=False)
-    """Why it was not accepted."""
+    """Reason why it was not accepted."""
     broken_off: bool = field(default=False, compare=False)
-    """Whether an upload had begun, and nobody knows its end."""
+    """Whether an upload had begun with an unknown result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +87,11 @@ class UploadNeed:
 
     rank: Rank = Rank.BEFORE_FLIGHT
     needed_s: float = math.inf
-    """In how many seconds it should be over: who needs it first goes first."""
+    """Seconds within which it should be complete; the most urgent goes first."""
     alike: int = 0
-    """How many items are, from the first one on, those that were read from the vehicle before."""
+    """Number of leading items equal to those read from the vehicle before."""
     rest: tuple[MissionItem, ...] = ()
-    """What was read then behind as many items as there are now."""
+    """Items read then beyond the length of the new list."""
 
 
 @dialogue.count_awake_time
@@ -158,7 +157,7 @@ async def upload_and_verify(
 
 
 _FILE_NUMBERS = itertools.count(step=4096)
-"""Of the first requests of mission files: an upload has fewer requests than that."""
+"""Numbers of the first requests of mission files; an upload has fewer requests than the step."""
 
 
 async def _upload_as_needed(
