@@ -37,7 +37,7 @@ Revision = Annotated[int, Field(description="Of the workspace that the change is
 
 
 class Body(BaseModel):
-    """What is sent."""
+    """Body of a request."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
@@ -116,20 +116,20 @@ class LeftBody(Body):
 
 
 class JsonBytes(Response):
-    """JSON that is made already."""
+    """JSON that is already encoded."""
 
     media_type = "application/json"
 
 
 def answer_of(kind: type[BaseModel]) -> dict[int | str, dict[str, Any]]:
-    """Return what is documented of a path's answers."""
+    """Return the documentation of a path's responses."""
     return {
         200: {"model": kind}, 409: {"model": answers.StaleAnswer}, 422: {"model": answers.ErrorAnswer}
     }  # fmt: skip
 
 
 def refuse(text: str, status: int, headers: Mapping[str, str] | None = None, **more: object) -> Response:
-    """Return the answer to what is not done: one line, and the key that it is about."""
+    """Return the response to a refused request: one line, and the key that it is about."""
     return JSONResponse({"error": text, "path": None, **more}, status, headers)
 
 

@@ -83,7 +83,7 @@ class FenceTable(SiteTable):
 
     @property
     def gives_rally(self) -> bool:
-        """Whether vehicles are given rally points."""
+        """Return whether vehicles are given rally points."""
         return self.enabled and self.rally == "pad"
 
 
@@ -136,12 +136,12 @@ class LinkTable(SiteTable):
 
     @property
     def station(self) -> tuple[int, int]:
-        """Our own system and component."""
+        """Return our system and component id."""
         return self.station_sysid, GROUND_STATION[1]
 
     @property
     def senders(self) -> frozenset[tuple[int, int]] | None:
-        """System and component of each radio."""
+        """Return the system and component id of each radio."""
         return None if self.radios is None else frozenset((radio.system, radio.component) for radio in self.radios)
 
 
@@ -175,7 +175,7 @@ class ForwardTable(SiteTable):
 
     @property
     def ports(self) -> tuple[Connection, ...]:
-        """The connections, read."""
+        """Return the parsed connections."""
         return tuple(map(parse_connection, self.to))
 
 

@@ -59,13 +59,13 @@ class MqttTable(SiteTable):
 
     @property
     def used_port(self) -> int:
-        """The port, or else the usual one."""
+        """Return the port, or the protocol's default."""
         usual = {(False, False): 1883, (False, True): 8883, (True, False): 80, (True, True): 443}
         return self.port or usual[self.websocket_path is not None, self.tls]
 
     @property
     def is_here(self) -> bool:
-        """Whether the broker is reached from this computer alone, as far as its name tells."""
+        """Return whether the broker's name is that of this computer alone."""
         try:
             return self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
         except ValueError:

@@ -47,7 +47,7 @@ class SiteTable(BaseModel):
         return self
 
     def _find_errors(self) -> Iterator[str]:
-        """Yield what is wrong with what its keys say together."""
+        """Yield the errors in combinations of its keys."""
         yield from ()
 
 
@@ -63,7 +63,7 @@ class DepotTable(SiteTable):
 
 
 def check_where(text: str) -> str:
-    """Return a filter if it is one."""
+    """Return a filter if it is valid."""
     try:
         parse_where(text)
     except ValueError as error:
@@ -306,7 +306,7 @@ AutopilotKey = Annotated[
 
 
 def check_connection_kind(value: object) -> object:
-    """Return what stands for a connection if it is a text, or a list of texts."""
+    """Return the value of a connection if it is a text, or a list of texts."""
     if isinstance(value, str) or (isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)):
         return value
     raise PydanticCustomError("connection", "expected a text or a list of texts")
@@ -358,18 +358,18 @@ class VehicleTable(SiteTable):
 
     @property
     def links(self) -> tuple[Connection, ...]:
-        """Its connections, read, the preferred one first."""
+        """Return the parsed connections, the preferred one first."""
         several = (self.connection,) if isinstance(self.connection, str) else self.connection
         return tuple(map(parse_connection, several))
 
     @property
     def link(self) -> Connection:
-        """The preferred one."""
+        """Return the preferred connection."""
         return self.links[0]
 
     @property
     def requests(self) -> tuple[LinkRequest, ...]:
-        """Its links to be opened."""
+        """Return the links to open."""
         return tuple(LinkRequest(link, self.sysid) for link in self.links)
 
 
