@@ -63,7 +63,7 @@ class SegmentRecord:
 
     @property
     def display_name(self) -> str:
-        """Return the asset name, or the segment number if there is none."""
+        """Asset name, or the segment number if there is none."""
         return self.name or str(self.id)
 
 
@@ -107,7 +107,7 @@ class PlannedRoute:
 
     @property
     def places_m(self) -> FloatArray:
-        """Return all places on the route, (k, 2) float64."""
+        """All places on the route, (k, 2) float64."""
         return np.array([*self.way_m, *(place for turns in self.turns_m for place in turns)])
 
 
@@ -153,29 +153,29 @@ class FlightRecord:
 
     @property
     def first_words(self) -> str:
-        """Return the caption for the routes of the first revision."""
+        """Caption for the routes of the first revision."""
         return "first sorties" if self.sorties else "first plan"
 
     @property
     def planned_for(self) -> dict[int, str]:
-        """Return the vehicle that each segment was planned for at the launch, by segment id."""
+        """Vehicle that each segment was planned for at the launch, by segment id."""
         routes = self.sorties or self.revisions[0].routes
         return {segment: route.vehicle for route in routes for segment in route.segments}
 
     @property
     def losses(self) -> tuple[tuple[VehicleRecord, FaultRow], ...]:
-        """Return the vehicles that did not finish, in the order of their faults."""
+        """Vehicles that did not finish, in the order of their faults."""
         at_fault = [(vehicle, vehicle.fault) for vehicle in self.vehicles if vehicle.fault is not None]
         return tuple(sorted(at_fault, key=lambda pair: pair[1].detected_s))
 
     @property
     def uncovered_segments(self) -> tuple[SegmentRecord, ...]:
-        """Return the segments that no vehicle inspected."""
+        """Segments that no vehicle inspected."""
         return tuple(segment for segment in self.segments if segment.inspected_by is None)
 
     @property
     def longest_route_s(self) -> float:
-        """Return the duration of the first plan's longest route."""
+        """Duration of the first plan's longest route."""
         return max((route.energy[-1][0] for route in self.revisions[0].routes), default=0.0)
 
 

@@ -41,7 +41,7 @@ class HeightProfile:
 
     @property
     def lowest_point(self) -> tuple[float, float, float]:
-        """Return distance flown, height and clearance at the point of least clearance, between take-off and landing."""
+        """Distance flown, height and clearance at the point of least clearance, between take-off and landing."""
         level = np.flatnonzero((self.along_m > 0) & (self.along_m < self.along_m[-1]))
         over_m = (self.flown_m - self.ground_m)[level]
         if not len(level) or np.isnan(over_m).all():

@@ -59,7 +59,7 @@ def error_pct(flown: float | None, planned: float) -> float | None:
 def _build_route_row(
     vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: float
 ) -> documents.RouteRow | None:
-    """Return one mission's row; None if neither its start nor its end was received."""
+    """Return one mission's row; None if no start or no end of its legs was received."""
     heard = [number for number, leg in enumerate(legs) if leg.began is not None]
     ended = [number for number, leg in enumerate(legs) if leg.ended is not None]
     if not heard or not ended or heard[0] > ended[-1]:

@@ -1,8 +1,7 @@
 """Write report.html: one file with the result of a flight, for screen, print or archive.
 
 It needs no network and no other file: pictures and the script that draws the map are inside. Its content security
-policy
-allows no other script.
+policy allows no other script.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class _Screen:
 
     @property
     def _stream(self) -> TextIO:
-        """Return standard error itself, also while rich replaces it to draw."""
+        """Standard error itself, also while rich replaces it to draw."""
         return cast("TextIO", getattr(sys.stderr, PROXIED, sys.stderr))
 
     def write(self, text: str) -> int:

@@ -66,7 +66,7 @@ class NetworkOptions:
 
     @property
     def place(self) -> tuple[float, float, float | None] | None:
-        """Return the place of the depot.
+        """Place of the depot.
 
         Raises:
             SiteError: the option is no place.

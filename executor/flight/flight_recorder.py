@@ -224,8 +224,7 @@ class Checkpointer:
     """Write checkpoints one after another, in the background.
 
     States are immutable: the loop hands one over between two events, and a thread writes it. While one is being
-    written, or
-    a disk hangs, no other is begun.
+    written, or a disk hangs, no other is begun.
     """
 
     def __init__(
@@ -476,7 +475,7 @@ def name_locks(
 ) -> missions.PlanFile:
     """Return a re-plan that names the only vehicle able to fly a segment, where the solver knew which are not.
 
-    So a window or a loss computed from it releases the segments that were locked to the lost vehicle.
+    A window or a loss computed from it then releases the segments that were locked to the lost vehicle.
 
     Args:
         content: The re-plan.

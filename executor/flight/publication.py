@@ -160,7 +160,7 @@ async def serve_page(
 ) -> AsyncIterator[None]:
     """Serve the page; a flight continues without it if it cannot be served.
 
-    It also shows the flight before its launch: while the operator is asked, no other task reads the loop's input.
+    It also shows the flight before its launch: while the operator is asked, nothing that arrives at the loop is read.
     """
     if not table.enabled:
         yield

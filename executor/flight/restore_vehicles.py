@@ -168,7 +168,7 @@ class RestingVehicle:
 
     @property
     def problem(self) -> str:
-        """Return the obstacle in words; empty if there is none."""
+        """Obstacle in words; empty if there is none."""
         if self.heartbeat is None:
             return "does not answer"
         if self.heartbeat.armed:
@@ -180,7 +180,7 @@ class RestingVehicle:
 
     @property
     def is_at_rest(self) -> bool:
-        """Return whether it is disarmed, by its last heartbeat."""
+        """Whether it is disarmed, by its last heartbeat."""
         return self.heartbeat is not None and not self.heartbeat.armed
 
 
@@ -189,10 +189,8 @@ async def wait_for_rest(link: Link, clock: Clock, autopilot: str, heard_s: float
     """Wait for a disarmed vehicle in order to restore it; its heartbeats are followed until the block ends.
 
     Once it is heard and armed, the wait ends after the time of a heartbeat that was under way. It is called meanwhile,
-    as
-    some vehicles only answer a sender they have heard. Its answers are ignored until its heartbeat names the autopilot:
-    the
-    two encode integers differently.
+    as some vehicles only answer a sender they have heard. Its answers are ignored until its heartbeat names the
+    autopilot: the two encode integers differently.
 
     No heartbeat of ours is sent: one that begins and ends would trigger its GCS failsafe.
 

@@ -216,7 +216,7 @@ async def start_unlaunched_run(request: run_start.FlightRequest, console: run_st
 
 
 def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
-    """Return the summary of a flight before any order is sent; the longer its log, the shorter the summary.
+    """Return the summary of a flight before any order is sent; without a checkpoint only its end and its log's size.
 
     Raises:
         LogError: as `read_resume_plan`.

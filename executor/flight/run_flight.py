@@ -59,8 +59,7 @@ class Interrupts:
     """Handle Ctrl-C: before the take-off it ends everything.
 
     In flight, once leaves the vehicles on their missions, twice orders RTL for all, three times ends supervision at
-    once.
-    SIGTERM and SIGHUP (a closed terminal) count as one Ctrl-C however often they come: they never mean RTL.
+    once. SIGTERM and SIGHUP (a closed terminal) count as one Ctrl-C however often they come: they never mean RTL.
     """
 
     def __init__(self, flight: Flight, console: Console) -> None:

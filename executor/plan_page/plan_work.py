@@ -36,7 +36,7 @@ MOST_FRONT = 12
 
 
 class PlanSettings(BaseModel):
-    """What is asked for."""
+    """Settings of a plan to make."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
@@ -63,7 +63,7 @@ class PlanSettings(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class MadePlan:
-    """A plan in its file."""
+    """Plan and its file."""
 
     id: str
     summary: Mapping[str, Any]

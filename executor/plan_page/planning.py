@@ -43,7 +43,7 @@ class Superseded(ExecutorError):
 
 @dataclass
 class Job:
-    """A search for plans."""
+    """Search for plans."""
 
     number: int
     kind: str
@@ -61,7 +61,7 @@ class Job:
 
     @property
     def elapsed_s(self) -> float:
-        """Return the elapsed time."""
+        """Elapsed time."""
         return (time.monotonic() if self.ended_s is None else self.ended_s) - self.began_s
 
     def take_progress(self, value: float, uncovered: int) -> None:

@@ -1,8 +1,7 @@
 """Keep the history of a site file: undo and redo, and the record of it that survives a killed server.
 
 The record is a file of lines, each added before the site file itself is written: its last state is that of the site
-file,
-or will be as soon as that can be written.
+file, or will be as soon as that can be written.
 """
 
 from __future__ import annotations
@@ -42,22 +41,22 @@ class History:
 
     @property
     def text(self) -> str:
-        """Return the present text of the site file."""
+        """Present text of the site file."""
         return self.steps[self.done - 1].text if self.done else self.base
 
     @property
     def texts(self) -> frozenset[str]:
-        """Return all texts in the history."""
+        """All texts in the history."""
         return frozenset((self.base, *(step.text for step in self.steps)))
 
     @property
     def undo_label(self) -> str | None:
-        """Return the label of the step that undo would revert."""
+        """Label of the step that undo would revert."""
         return self.steps[self.done - 1].label if self.done else None
 
     @property
     def redo_label(self) -> str | None:
-        """Return the label of the step that redo would repeat."""
+        """Label of the step that redo would repeat."""
         return self.steps[self.done].label if self.done < len(self.steps) else None
 
     def edit(self, label: str, edits: Sequence[Edit]) -> History:

@@ -53,7 +53,7 @@ class SiteStore:
 
     @property
     def saved(self) -> bool:
-        """Return whether the site file matches the page."""
+        """Whether the site file matches the page."""
         return self._written == self.history.text and not self._waiting
 
     def __enter__(self) -> Self:

@@ -75,7 +75,7 @@ class Worker:
 
     @property
     def progress(self) -> WorkProgress:
-        """Return the progress of the job that last reported."""
+        """Progress of the job that last reported."""
         job, iterations, value, uncovered, _ = self._shared
         return WorkProgress(int(job), int(iterations), value, int(uncovered))
 

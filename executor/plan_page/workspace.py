@@ -108,7 +108,7 @@ class Workspace:
 
     @property
     def now(self) -> SiteNow:
-        """Return the present site, as the subject of a question.
+        """Present site, as the subject of a question.
 
         Raises:
             SiteError: none is open.
@@ -133,7 +133,7 @@ class Workspace:
 
     @property
     def folder(self) -> Path:
-        """Return the folder of the site file, whether it exists yet or not."""
+        """Folder of the site file, whether it exists yet or not."""
         return self.root if self.store is None else self.store.path.parent
 
     # Actions

@@ -80,7 +80,7 @@ class ParameterReading(DialogueMachine):
 
     @property
     def unread(self) -> frozenset[str]:
-        """Return the parameters without a usable answer, where the link may be the reason."""
+        """Parameters without a usable answer, where the link may be the reason."""
         return self.refused | {question.name for question in (*self.waiting, *self.asked)}
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
@@ -189,7 +189,7 @@ class ParameterDialogue(DialogueMachine):
 
     @property
     def period_s(self) -> float:
-        """Return the first time-out for an answer."""
+        """First time-out for an answer."""
         return max(PERIOD_S, self.round_trip.waits_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:

@@ -120,7 +120,7 @@ class CommandDialogue(DialogueMachine):
 
     @property
     def period_s(self) -> float:
-        """Return the time-out for an answer: one second, or more on a slower link."""
+        """Time-out for an answer: one second, or more on a slower link."""
         return max(PERIOD_S, self.round_trip.waits_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:

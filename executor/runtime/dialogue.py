@@ -24,8 +24,8 @@ from executor.runtime.channel import Channel, channel_of
 
 BEAT_REAL_S = 0.1
 STANDS_STILL_S = 5.0
-"""Pause of this computer, in seconds after the crew's confirmation, after which a person may have stepped to a pad
-unseen."""
+"""Seconds without a beat after which this computer counts as having stood still; since the crew's yes, unobserved, a
+person may have stepped to a pad."""
 LEAST_WAIT_S = 1e-6
 """Least remaining time-out that counts; less is a rounding error of a sum."""
 MOST_REAL_S = 0.25
@@ -238,8 +238,7 @@ class _Patience:
         """Pass a machine's deadline; give up only after that much time in which this program could receive.
 
         Repeats follow the flight's clock all the same: a vehicle's own time-outs do not wait for us. Nothing is
-        repeated into a
-        radio with a full buffer: the request may still be in it.
+        repeated into a radio with a full buffer: the request may still be in it.
         """
         now_s = self.paced.now_s()
         if full and now_s - self.since_s < MOST_HELD_S:

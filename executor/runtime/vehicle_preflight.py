@@ -115,14 +115,14 @@ class _VehicleAnswers:
 
     @property
     def best_remaining_pct(self) -> float | None:
-        """Return the remaining battery in percent, from the better of the two messages."""
+        """Remaining battery in percent, from the better of the two messages."""
         if self.remaining_pct is not None:
             return self.remaining_pct
         return None if self.status is None else self.status.remaining_pct
 
     @property
     def voltage_v(self) -> float | None:
-        """Return the pack voltage, from the better of the two messages."""
+        """Pack voltage, from the better of the two messages."""
         if self.battery is not None and self.battery.voltage_v is not None:
             return self.battery.voltage_v
         return None if self.status is None else self.status.voltage_v

@@ -219,7 +219,7 @@ def list_spares(ground: SiteModel) -> list[str]:
 def _check_landings(
     ground: SiteModel, vehicles: Sequence[DayVehicle], bases_m: Mapping[str, tuple[float, float]]
 ) -> None:
-    """Refuse other vehicles' bases as landing sites if they are in an area or cannot be reached."""
+    """Refuse bases where a vehicle may land that lie in an area or cannot be reached from its pad."""
     for own in vehicles:
         areas, pads = ground.setup.obstacles_for(own.name).areas, dict(zip(bases_m, own.pads, strict=True))
         for name in own.lands if areas else ():

@@ -48,7 +48,7 @@ class Heights(Protocol):
 
     @property
     def cell_m(self) -> float:
-        """Return the size of the smallest cells."""
+        """Size of the smallest cells."""
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
         """Return (norths, easts) heights above mean sea level; NaN where unknown."""

@@ -198,7 +198,7 @@ class LearnedDocument(Document):
 
     @property
     def known_by_name(self) -> dict[str, KnownVehicle]:
-        """Return the learned figures by vehicle name."""
+        """Learned figures by vehicle name."""
         return {one.name: _parse_known(one) for one in self.vehicles}
 
 

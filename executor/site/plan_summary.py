@@ -204,7 +204,7 @@ class PlannedHeights:
 
     @property
     def lines(self) -> list[str]:
-        """Return the lines for the crew."""
+        """Lines for the crew."""
         return [f"heights: {self.words}", *(f"warning: {line}" for line in self.warnings)]
 
     def to_json(self) -> dict[str, object]:
@@ -319,7 +319,7 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
 
 
 def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
-    """Yield until when the loss of each vehicle for good must not happen."""
+    """Yield from when on each vehicle may be lost for good."""
     end = format_day_time(content.days[-1][1])
     for one in content.windows:
         name = one.vehicle

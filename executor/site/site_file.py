@@ -72,7 +72,7 @@ class Site(site_keys.SiteTable):
             yield "inspection.heights: expected 'known' beside [terrain], which knows the ground, got 'flat'"
 
     def _check_vehicles(self) -> Iterator[str]:
-        """Yield errors in combinations of the vehicles' keys."""
+        """Yield the names and system ids that several vehicles share."""
         for key in ("name", "sysid"):
             seen: dict[object, str] = {}
             for index, vehicle in enumerate(self.vehicle):

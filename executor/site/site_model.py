@@ -79,7 +79,7 @@ class SiteModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the vehicles' names, from the lowest layer to the highest."""
+        """Vehicles' names, from the lowest layer to the highest."""
         return tuple(vehicle.name for vehicle in self.site.vehicle)
 
 

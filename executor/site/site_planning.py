@@ -90,12 +90,12 @@ class PlanRequest:
 
     @property
     def threads(self) -> int:
-        """Return the number of parallel searches."""
+        """Number of parallel searches."""
         return self.starts or os.cpu_count() or 1
 
     @property
     def length(self) -> str:
-        """Return the length of the search, in words."""
+        """Length of the search, in words."""
         return f"{self.seconds:g} s" if self.iterations is None else f"{self.iterations} iterations"
 
     def build_stop_rule(self, settled: planner.StopRule | None = None) -> planner.StopRule:

@@ -32,7 +32,7 @@ class SpanNames:
 
     @cached_property
     def _lines(self) -> Mapping[str, Mapping[int, int]]:
-        """Return spans whose names differ only in their last number, by the text before it and by that number."""
+        """Spans whose names differ only in their last number, by the text before it and by that number."""
         found: dict[str, dict[int, int]] = {}
         for name, segment in self._number.items():
             if parts := re.fullmatch(r"(.*\D)(\d+)", name):
