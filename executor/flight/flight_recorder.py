@@ -473,7 +473,7 @@ def _build_plan_file(
 def name_locks(
     content: missions.PlanFile, locked: Mapping[int, str], blind: Mapping[str, frozenset[int]]
 ) -> missions.PlanFile:
-    """Return a re-plan that names the only vehicle able to fly a segment, where the solver knew which are not.
+    """Return a re-plan with its locks as such, where the solver only knew which vehicles may not fly a segment.
 
     A window or a loss computed from it then releases the segments that were locked to the lost vehicle.
 
