@@ -1,1 +1,1 @@
-"""Read the record of a flight back; write its report and pictures."""
+"""Read the record of a flight; write its report and pictures."""

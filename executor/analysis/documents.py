@@ -1,6 +1,6 @@
-"""report.json and vehicles.json as models: who writes one and who reads one go by them.
+"""Define report.json and vehicles.json as models, for both writing and reading.
 
-All times are seconds since the order to take off.
+All times are seconds since the take-off order.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class ReplanRow(Document):
 
 
 class LastFix(Document):
-    """Where a vehicle was by GPS last, WGS 84."""
+    """Last GPS position of a vehicle, WGS 84."""
 
     lat_deg: Number
     lon_deg: Number
@@ -85,7 +85,7 @@ class LastFix(Document):
 
 
 class LastPosition(Document):
-    """Where a vehicle was heard last, WGS 84, for who has to find it."""
+    """Last reported position of a vehicle, WGS 84, for the search."""
 
     lat_deg: Number
     lon_deg: Number
@@ -101,7 +101,7 @@ class LastPosition(Document):
 
 
 class LinkRow(Document):
-    """What came over one of several links of a vehicle."""
+    """Traffic on one of several links of a vehicle."""
 
     connection: str
     frames_received: Whole
@@ -109,7 +109,7 @@ class LinkRow(Document):
 
 
 class VehicleRow(Document):
-    """What became of one vehicle."""
+    """Result of one vehicle."""
 
     name: str
     segments: tuple[Whole, ...]
@@ -138,7 +138,7 @@ class VehicleRow(Document):
 
 
 class CheckRow(Document):
-    """A line of the checklist before the take-off."""
+    """Line of the checklist before the take-off."""
 
     severity: Severity
     code: CheckCode | None = None
@@ -160,7 +160,7 @@ class ParameterRow(Document):
 
 
 class TerrainPart(Document):
-    """The raster that knew the ground, in metres."""
+    """Raster of ground heights, in metres."""
 
     source: str
     """Name of the terrain source."""
@@ -177,7 +177,7 @@ class TerrainPart(Document):
 
 
 class HeightsPart(Document):
-    """The heights that were flown, in metres."""
+    """Flown heights, in metres."""
 
     over: str
     """Reference of the heights."""
@@ -195,7 +195,7 @@ class HeightsPart(Document):
 
 
 class AbsenceRow(Document):
-    """A time in which the ground station was not there."""
+    """Period in which the ground station was down."""
 
     until_s: Tenths
     pause_s: Tenths
@@ -203,7 +203,7 @@ class AbsenceRow(Document):
 
 
 class RadioRow(Document):
-    """What a telemetry radio carried, from the order to take off on."""
+    """Load of a telemetry radio, from the take-off order on."""
 
     vehicles: tuple[str, ...]
     """Vehicles on this radio."""
@@ -223,7 +223,7 @@ class RadioRow(Document):
 
 
 class InspectionRow(Document):
-    """How a segment was flown."""
+    """Flown values of a segment."""
 
     segment: Whole
     name: str = ""
@@ -247,7 +247,7 @@ class NotCountedRow(Document):
 
 
 class SeenRow(Document):
-    """What an asset asked of a camera, and what became of it."""
+    """Camera coverage that an asset requires, and its result."""
 
     segment: Whole
     name: str
@@ -267,7 +267,7 @@ class SeenRow(Document):
 
 
 class LegRow(Document):
-    """A leg of a mission, from one waypoint to the next with the hold there, as planned and as flown."""
+    """Leg of a mission, from one waypoint to the next with the hold there, as planned and as flown."""
 
     waypoint: Whole
     """Waypoint at the end of the leg, from 0."""
@@ -285,7 +285,7 @@ class LegRow(Document):
 
 
 class RouteRow(Document):
-    """What was flown of one vehicle's mission, beside what the plan said of the same legs."""
+    """Flown values of one vehicle's mission, and the plan's values for the same legs."""
 
     vehicle: str
     revision: Whole
@@ -306,7 +306,7 @@ class RouteRow(Document):
 
 
 class SortieRow(Document):
-    """A flight of a vehicle from its take-off to its landing, where there were several."""
+    """Flight of a vehicle from take-off to landing, where it had several."""
 
     vehicle: str
     number: Whole
@@ -330,7 +330,7 @@ class SortieRow(Document):
 
 
 class EarlierRow(Document):
-    """A flight before this one, which flies what it left."""
+    """Earlier flight, whose remainder this flight flies."""
 
     run: str
     """Name of its run directory."""
@@ -356,7 +356,7 @@ class UnreachableRow(Document):
 
 
 class FlightReport(Document):
-    """What a flight came to. Times are seconds since the order to take off."""
+    """Result of a flight. Times are seconds since the take-off order."""
 
     expected = "the report of a flight that is over"
     format: Literal["faultline-report/1"]
@@ -406,7 +406,7 @@ class FlightReport(Document):
 
 
 class PadPart(Document):
-    """Where a vehicle stood, to the last digit: heights and layers follow from it."""
+    """Pad of a vehicle, with full precision: heights and layers are derived from it."""
 
     east_m: Number
     north_m: Number
@@ -415,7 +415,7 @@ class PadPart(Document):
 
 
 class AskedVehicle(Document):
-    """What one vehicle answered before the flight."""
+    """Answers of one vehicle before the flight."""
 
     name: str
     sysid: Whole | None = None
@@ -437,7 +437,7 @@ class AskedVehicle(Document):
 
 
 class AskedVehicles(Document):
-    """Who was asked before the flight, and what each one answered."""
+    """Vehicles queried before the flight, with their answers."""
 
     expected = "what vehicles said before a flight"
     format: Literal["faultline-vehicles/1"] = "faultline-vehicles/1"
@@ -461,7 +461,7 @@ def read_flown_day_plan(run: Path) -> DayPlanFile | None:
 
 
 def read_earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
-    """Return the flights up to that of a run directory, by its report, the first one first.
+    """Return the flights up to that of a run directory, oldest first, from its report.
 
     Raises:
         LogError: there is no report, or it cannot be used.
@@ -486,7 +486,7 @@ def list_inspected_segments(report: FlightReport) -> tuple[int, ...]:
 
 
 def describe_total_inspected(report: FlightReport) -> str:
-    """Return what this flight and those before it inspected together; empty where it is the first."""
+    """Return the total inspected by this flight and those before it; empty if it is the first."""
     if not report.earlier:
         return ""
     done = {*list_inspected_segments(report), *(segment for row in report.earlier for segment in row.segments)}

@@ -49,7 +49,7 @@ restarted."""
 
 @dataclass(frozen=True, slots=True)
 class SegmentRecord:
-    """One segment, and who inspected it."""
+    """One segment, and the vehicle that inspected it."""
 
     id: int
     a_m: Place
@@ -63,13 +63,13 @@ class SegmentRecord:
 
     @property
     def display_name(self) -> str:
-        """What people call it."""
+        """Asset name, or the segment number if there is none."""
         return self.name or str(self.id)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleRecord:
-    """One vehicle's flight as it was heard."""
+    """One vehicle's flight, as received."""
 
     name: str
     layer: int
@@ -91,7 +91,7 @@ class VehicleRecord:
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
-    """One vehicle's route as a plan has it."""
+    """One vehicle's route in a plan."""
 
     vehicle: str
     segments: tuple[int, ...]
@@ -100,20 +100,20 @@ class PlannedRoute:
     energy: tuple[tuple[float, float], ...]
     """(seconds, percent used since the launch) at the start, at the end of every segment, and at the depot.
 
-    A sortie of a day has its start and its end alone, with what it uses of its own pack.
+    A sortie of a day has only its start and end, with the consumption of its own pack.
     """
     turns_m: tuple[tuple[Place, ...], ...] = ()
     """Corners of each transit leg, where there are no-fly areas."""
 
     @property
     def places_m(self) -> FloatArray:
-        """(k, 2) float64: everything that it leads through."""
+        """All places on the route, (k, 2) float64."""
         return np.array([*self.way_m, *(place for turns in self.turns_m for place in turns)])
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRevision:
-    """The first plan (0), or a re-plan that was put on board."""
+    """First plan (0), or a re-plan that was uploaded."""
 
     number: int
     decided_s: float
@@ -124,7 +124,7 @@ class PlanRevision:
 
 @dataclass(frozen=True, slots=True)
 class DecisionLine:
-    """One line that the operator saw."""
+    """One line shown to the operator."""
 
     t_s: float
     level: Level
@@ -133,7 +133,7 @@ class DecisionLine:
 
 @dataclass(frozen=True, slots=True)
 class FlightRecord:
-    """A whole flight."""
+    """Complete flight."""
 
     segments: tuple[SegmentRecord, ...]
     vehicles: tuple[VehicleRecord, ...]
@@ -149,28 +149,28 @@ class FlightRecord:
     never: tuple[tuple[str, str], ...] = ()
     """Names of segments in or behind an area, and why they could not be inspected."""
     sorties: tuple[PlannedRoute, ...] = ()
-    """All that the plan of a day has; empty for a single flight, and where nobody flies twice."""
+    """All sorties of a day plan; empty for a single flight, and if no vehicle flies twice."""
 
     @property
     def first_words(self) -> str:
-        """What the routes of the first revision are."""
+        """Caption for the routes of the first revision."""
         return "first sorties" if self.sorties else "first plan"
 
     @property
     def planned_for(self) -> dict[int, str]:
-        """Whose each segment was when the flight began, by its id."""
+        """Vehicle that each segment was planned for at the launch, by segment id."""
         routes = self.sorties or self.revisions[0].routes
         return {segment: route.vehicle for route in routes for segment in route.segments}
 
     @property
     def losses(self) -> tuple[tuple[VehicleRecord, FaultRow], ...]:
-        """Vehicles that did not finish, in the order in which that was declared."""
+        """Vehicles that did not finish, in the order of their faults."""
         at_fault = [(vehicle, vehicle.fault) for vehicle in self.vehicles if vehicle.fault is not None]
         return tuple(sorted(at_fault, key=lambda pair: pair[1].detected_s))
 
     @property
     def uncovered_segments(self) -> tuple[SegmentRecord, ...]:
-        """Segments that nobody inspected."""
+        """Segments that no vehicle inspected."""
         return tuple(segment for segment in self.segments if segment.inspected_by is None)
 
     @property
@@ -180,7 +180,7 @@ class FlightRecord:
 
 
 def build_launch_revision(content: PlanFile) -> PlanRevision:
-    """Return the plan that a flight begins with."""
+    """Return the plan at the launch."""
     instance = content.build_instance()
     routes = [build_planned_route(content, instance, route) for route in content.plan.routes if route.visits]
     return PlanRevision(0, 0.0, tuple(routes))
@@ -195,8 +195,8 @@ def build_planned_route(
         content: The plan file.
         instance: Its `instance()`.
         route: One of its routes.
-        began_s: When the vehicle began it, in seconds since the launch.
-        used_pct: What the vehicle had used by then.
+        began_s: Time at which the vehicle began it, in seconds since the launch.
+        used_pct: Battery percentage used by then.
     """
     vehicle = content.vehicles[route.vehicle]
     times_s = accumulate(compute_legs_s(instance, route), initial=began_s)
@@ -213,7 +213,7 @@ def build_planned_route(
 
 
 def build_planned_sorties(content: DayPlanFile) -> Iterator[PlannedRoute]:
-    """Yield all that a day's plan has, each at its time after the first take-off."""
+    """Yield all sorties of a day plan, each at its time after the first take-off."""
     first_s = min((one.start_s for one in content.routes), default=0.0)
     own = {vehicle.name: dict(zip(content.base_names, vehicle.pads, strict=True)) for vehicle in content.vehicles}
     for one in content.routes:
@@ -242,7 +242,7 @@ def _list_ends_m(content: PlanFile | DayPlanFile, visits: Iterable[int]) -> Iter
 def _find_turns_m(
     content: PlanFile | DayPlanFile, vehicle: str, visits: Iterable[int], start_m: Place, end_m: Place
 ) -> Iterator[tuple[Place, ...]]:
-    """Yield the corners of every way between two inspections, and of those from the start and home."""
+    """Yield the corners of every transit between two inspections, from the start, and to the landing."""
     if content.pricing is None or not content.areas:
         return
     around = content.pricing.build_vehicle_moves(vehicle, around=True).columns
@@ -256,9 +256,9 @@ def _find_turns_m(
 
 
 def find_abandoned_segments(record: FlightRecord) -> list[tuple[SegmentRecord, str]]:
-    """Return what was planned for vehicles that were lost before they inspected it, and for whom.
+    """Return the segments planned for vehicles that were lost before inspecting them, with the vehicle's name.
 
-    A segment that two vehicles left, one after the other, is there once, as the last one's.
+    A segment left by two vehicles in turn is listed once, for the last one.
     """
     segments = {segment.id: segment for segment in record.segments}
     left: dict[int, str] = {}
@@ -278,9 +278,9 @@ def _map_planned_vehicles(record: FlightRecord, until_s: float) -> dict[int, str
 
 
 def compute_used_pct(battery: FloatArray) -> FloatArray:
-    """Return (m, 2) float64, seconds and percent used since the first of (m, 2) reports of what remains.
+    """Return (m, 2) float64, seconds and percent used, from (m, 2) reports of the remaining percentage.
 
-    Nothing is counted at a jump upwards: both autopilots' percentages are 100 again after a restart.
+    A rise is not counted: both autopilots report 100 % again after a restart.
     """
     drops = -np.diff(battery[:, 1], prepend=battery[:1, 1])
     drops[drops < -SWAP_PCT] = 0.0
@@ -288,7 +288,7 @@ def compute_used_pct(battery: FloatArray) -> FloatArray:
 
 
 def draw_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
-    """Return the percent that a vehicle had used at a time; 0 if its battery never reported."""
+    """Return the percentage that a vehicle had used at a time; 0 if its battery never reported."""
     if len(vehicle.battery) == 0:
         return 0.0
     account = compute_used_pct(vehicle.battery)
@@ -296,21 +296,21 @@ def draw_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
 
 
 def find_last_row(vehicle: VehicleRecord, t_s: float) -> int | None:
-    """Return which row of its track says where a vehicle was by GPS last until a time; None if it was not heard."""
+    """Return the row of a track with the last GPS position up to a time; None if there is none."""
     heard = np.flatnonzero((vehicle.track[:, 0] <= t_s) & ~vehicle.reckoned)
     return int(heard[-1]) if len(heard) else None
 
 
 def take_off_time_s(track: FloatArray, after_s: float) -> float:
-    """Return when a (n, 4) track is in the air for the first time after a time; that time itself if it never is."""
+    """Return the first time after `after_s` at which a (n, 4) track is airborne; `after_s` if it never is."""
     up = track[(track[:, 0] >= after_s) & (track[:, 3] > OFF_GROUND_M)]
     return float(up[0, 0]) if len(up) else after_s
 
 
 def route_join_time_s(track: FloatArray, start_m: Place, after_s: float) -> float:
-    """Return when a (n, 4) track first passes a place after a time: where it first comes within `JOIN_M`, and nearest.
+    """Return when a (n, 4) track first passes a place after a time: nearest point of its first visit within `JOIN_M`.
 
-    If it never comes so near, the nearest that it comes; the time itself if nothing is on record after it.
+    If it never comes within `JOIN_M`, the time of its nearest point; `after_s` itself if nothing is recorded after it.
     """
     rest = track[track[:, 0] >= after_s]
     if len(rest) == 0:
@@ -329,13 +329,13 @@ def route_join_time_s(track: FloatArray, start_m: Place, after_s: float) -> floa
 def inspection_time_s(
     samples: Iterable[tuple[float, PositionSample]], line: Track, *, corridor_m: float, speed_m_s: float
 ) -> float | None:
-    """Return when a line was first flown as `coverage` demands it, in either direction; None if it never was.
+    """Return when a line was first flown as `coverage` requires, in either direction; None if never.
 
     Args:
-        samples: A vehicle's positions with the time at which each arrived.
+        samples: A vehicle's positions, each with its time of arrival.
         line: The inspection track, in one of its directions.
         corridor_m: Largest distance from the track.
-        speed_m_s: The inspection speed asked for.
+        speed_m_s: Requested inspection speed.
     """
     directions = (line, Track(line.segment, line.end_m, line.begin_m))
     runs: list[InspectionRun | None] = [None, None]
@@ -354,7 +354,7 @@ def inspection_time_s(
 
 @dataclass(slots=True)
 class _VehicleMessages:
-    """What one vehicle said, in the order of arrival and in seconds since the launch."""
+    """Messages of one vehicle, in order of arrival and in seconds since the launch."""
 
     positions: list[tuple[float, ...]] = field(default_factory=list)
     """Seconds, east, north, height above home, altitude above mean sea level, and whether GPS was lost."""
@@ -366,7 +366,7 @@ class _VehicleMessages:
     armed: bool = False
 
     def take(self, said: messages.FlightMessage, t_s: float, frame: LocalFrame) -> None:
-        """Take what it said; a position that is reckoned proves nothing."""
+        """Take its messages; a reckoned position proves nothing."""
         match said:
             case messages.Position():
                 self._take_position(said, frame.to_local_m(said.lat_deg, said.lon_deg), t_s)
@@ -393,7 +393,7 @@ class _VehicleMessages:
 
 @dataclass(slots=True)
 class _Log:
-    """What a record takes from the event log."""
+    """Data that a record takes from the event log."""
 
     launched_s: float
     """Launch on the ground station's clock; all other times count from it."""
@@ -407,9 +407,9 @@ class _Log:
 
 
 def read_run(run: Path) -> FlightRecord:
-    """Return the flight that a run directory describes.
+    """Return the flight in a run directory.
 
-    Lines that a dying writer left half written are passed over.
+    Lines torn by a crash of the writer are skipped.
 
     Raises:
         LogError: report.json or events.jsonl cannot be read, or the log holds no launch.
@@ -433,7 +433,7 @@ def read_run(run: Path) -> FlightRecord:
         decisions=tuple(
             DecisionLine(note["t_s"] - log.launched_s, Level(note["level"]), text)
             for note in read_notes(RunDirectory(run).events)
-            if (text := note.get("said", note.get("told"))) is not None  # of something else, such as a broker
+            if (text := note.get("said", note.get("told"))) is not None  # on another subject, such as a broker
         ),
         duration_s=report.duration_s,
         areas=first.areas,
@@ -477,12 +477,12 @@ def _build_vehicles(
             VehicleRecord(
                 name=table.name,
                 layer=layer,
-                # It stands there until it takes off; whoever was never heard is shown at the depot.
+                # It stands there until it takes off; a vehicle never heard is shown at the depot.
                 pad_m=heard.samples[0][1].place_m if heard.samples else (0.0, 0.0),
                 budget_pct=site_model.budget_pct_of(packs.get(table.name), drone, table),
                 reserve_pct=table.reserve_pct + site_model.find_empty_pct(packs.get(table.name), drone, table),
                 track=positions[:, :4],
-                # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
+                # As in flight: SYS_STATUS counts only without BATTERY_STATUS.
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),
                 fault=faults.get(table.name),
                 sea_m=positions[:, 4],
@@ -515,7 +515,7 @@ def _build_segments(first: PlanFile, site: Site, report: FlightReport, log: _Log
 def _build_replan_revision(
     number: int, content: PlanFile, vehicles: Mapping[str, VehicleRecord], log: _Log
 ) -> PlanRevision:
-    """Return a re-plan with its routes set where the vehicles began them, in time and in battery."""
+    """Return a re-plan whose routes start where the vehicles began them, in time and in battery."""
     instance = content.build_instance()
     decided_s = log.solved_s.get(number, 0.0)
     routes = []

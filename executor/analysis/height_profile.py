@@ -19,7 +19,7 @@ STEP_M = 5.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightProfile:
-    """Heights above mean sea level over the way flown."""
+    """Heights above mean sea level along the flown path."""
 
     vehicle: str
     along_m: FloatArray
@@ -41,7 +41,7 @@ class HeightProfile:
 
     @property
     def lowest_point(self) -> tuple[float, float, float]:
-        """How far along, how high, and how far over the ground it is the lowest, between take-off and landing."""
+        """Distance flown, height and clearance at the point of least clearance, between take-off and landing."""
         level = np.flatnonzero((self.along_m > 0) & (self.along_m < self.along_m[-1]))
         over_m = (self.flown_m - self.ground_m)[level]
         if not len(level) or np.isnan(over_m).all():
@@ -51,7 +51,7 @@ class HeightProfile:
 
 
 def build_profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[HeightProfile]:
-    """Return the profile of each flight over ground that a raster knows; none where there is no raster."""
+    """Return the height profile of each flight over a raster's ground; none without a raster."""
     if setup.terrain is None:
         return []
     return [_build_profile(setup, setup.terrain, path) for path in paths if path.waypoints]

@@ -28,11 +28,11 @@ from missions import Phase
 def build_route_rows(
     state: FleetState, factors: Mapping[str, float] = MappingProxyType({})
 ) -> tuple[documents.RouteRow, ...]:
-    """Return what every vehicle flew of each of its missions; times are seconds since the launch.
+    """Return the flown values of every vehicle's missions; times are seconds since the launch.
 
     Args:
-        state: At the end of the flight.
-        factors: The consumption that was planned with, by the vehicle's name, where it was known before.
+        state: State at the end of the flight.
+        factors: Planned consumption factors by vehicle name, where known before the flight.
     """
     launched_s = state.progress.launched_s or 0.0
     rows = []
@@ -48,7 +48,7 @@ def build_route_rows(
 
 
 def error_pct(flown: float | None, planned: float) -> float | None:
-    """Return by how much more was flown than planned, in percent; None where that is not known.
+    """Return the excess of flown over planned, in percent; None if unknown.
 
     >>> error_pct(110.0, 100.0)
     10.0
@@ -59,7 +59,7 @@ def error_pct(flown: float | None, planned: float) -> float | None:
 def _build_route_row(
     vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: float
 ) -> documents.RouteRow | None:
-    """Return one mission's row; None if nobody heard when any of it began or ended."""
+    """Return one mission's row; None if no start or no end of its legs was received."""
     heard = [number for number, leg in enumerate(legs) if leg.began is not None]
     ended = [number for number, leg in enumerate(legs) if leg.ended is not None]
     if not heard or not ended or heard[0] > ended[-1]:
@@ -107,7 +107,7 @@ def _draw_pct(began: LegBoundary | None, ended: LegBoundary | None) -> float | N
 
 @dataclass(frozen=True, slots=True)
 class InjectedFault:
-    """A fault that a simulator ordered, when it really happened."""
+    """Fault injected by a simulator, at its actual time."""
 
     vehicle: str
     kind: str
@@ -125,13 +125,13 @@ def build_vehicle_answers(
     checks: Sequence[Check] = (),
     earlier: tuple[documents.EarlierRow, ...] = (),
 ) -> documents.AskedVehicles:
-    """Return the content of vehicles.json: who was asked before the flight, and what each one answered.
+    """Return the content of vehicles.json: the vehicles queried before the flight, and their answers.
 
     Args:
-        context: Of the flight.
-        facts: What each vehicle said.
+        context: Context of the flight.
+        facts: Answers of each vehicle.
         checks: The checklist.
-        earlier: Flights whose rest is flown.
+        earlier: Earlier flights whose remainder is flown.
     """
     return documents.AskedVehicles(
         vehicles=tuple(
@@ -168,14 +168,13 @@ def build_report(
     """Return the content of report.json.
 
     Args:
-        context: Of the flight.
-        state: At its end.
+        context: Context of the flight.
+        state: State at its end.
         ended_s: The end, in the ground station's time.
-        truths: What really happened, where a simulator knows it.
-        frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
-            many were not believed.
-        said: vehicles.json: what the vehicles said before the flight, and what was found then.
-        parameters: What was changed on board, and whether it was given back.
+        truths: Injected faults, known in simulation only.
+        frames: Frames received from each vehicle, frames lost by its sequence numbers, and frames rejected.
+        said: vehicles.json: the vehicles' answers before the flight, and the checklist.
+        parameters: Parameters changed on board, and whether they were restored.
     """
     began_s = state.progress.launched_s if state.progress.launched_s is not None else ended_s
     never = {one.segment for one in context.unreachable}
@@ -267,7 +266,7 @@ def _build_seen_rows(context: Context, state: FleetState) -> tuple[documents.See
 
 
 def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[documents.SortieRow, ...]:
-    """Return every sortie, in the order of their take-offs; none of a flight of one each."""
+    """Return every sortie in order of take-off; none for a flight with one sortie each."""
     turns = {name: vehicle.turn for name, vehicle in state.vehicles.items()}
     if context.day is None and not any(turn.swaps for turn in turns.values()):
         return ()
@@ -291,7 +290,7 @@ def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tu
 
 
 def _own_base(context: Context, name: str) -> str:
-    """Return the base where a vehicle stood in the morning, where its sorties lead to others; else nothing."""
+    """Return a vehicle's base at the start of the day if its sorties lead to others; else an empty text."""
     return "" if context.day is None or name not in context.day.pads else context.day.bases[name]
 
 
@@ -331,7 +330,7 @@ def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[I
 
 
 def _is_on_pad(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle stands on its pad; one that has landed there may lose GPS on the ground afterwards."""
+    """Return whether a vehicle is on its pad; one that has landed there may lose GPS on the ground afterwards."""
     if vehicle.stage is Stage.LANDED:
         return is_home_by_own_estimate(context, vehicle)
     return vehicle.stage is Stage.GROUND and is_over_pad(context, vehicle)

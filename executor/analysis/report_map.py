@@ -47,7 +47,7 @@ class ReportSegment(TypedDict):
 
 
 class ReportLoss(TypedDict):
-    """A vehicle that was lost."""
+    """Vehicle that was lost."""
 
     place_m: flight_record.Place
     """Last GPS position."""
@@ -56,7 +56,7 @@ class ReportLoss(TypedDict):
 
 
 class ReportEnd(TypedDict):
-    """A vehicle that is not at home."""
+    """Vehicle that did not return to its pad."""
 
     place_m: flight_record.Place
     """Last reported position."""
@@ -82,14 +82,14 @@ class ReportRoute(TypedDict):
 
 
 class ReportPlan(TypedDict):
-    """The first plan, that of a day with all its sorties, or a re-plan."""
+    """First plan (for a day with all its sorties), or a re-plan."""
 
     name: str
     routes: list[ReportRoute]
 
 
 class ReportPlace(TypedDict):
-    """Where vehicles may land beside their pads."""
+    """Landing place other than a pad."""
 
     kind: str
     """Kind: base or alternate."""
@@ -98,14 +98,14 @@ class ReportPlace(TypedDict):
 
 
 class ReportFrame(TypedDict):
-    """Where the local metres begin."""
+    """Origin of the local metres."""
 
     lat_deg: float
     lon_deg: float
 
 
 class ReportMap(TypedDict):
-    """`flight` in report.html: what its map shows."""
+    """`flight` in report.html: content of its map."""
 
     frame: ReportFrame | None
     segments: list[ReportSegment]
@@ -118,12 +118,12 @@ class ReportMap(TypedDict):
 def build_report_map(
     record: flight_record.FlightRecord, report: FlightReport, ground: SiteModel | None = None
 ) -> ReportMap:
-    """Return what the map shows.
+    """Return the content of the map.
 
     Args:
         record: The flight.
-        report: The content of report.json.
-        ground: Its site, whose network has segments that the flight left out; without it they are not drawn.
+        report: Content of report.json.
+        ground: Its site, whose network includes segments that the flight left out; without it they are not drawn.
     """
     frame = None if ground is None else ground.network.frame
     rows = {row.name: row for row in report.vehicles}
@@ -149,7 +149,7 @@ def _list_flown(record: flight_record.FlightRecord, report: FlightReport) -> Ite
 
 
 def _list_others(record: flight_record.FlightRecord, ground: SiteModel) -> Iterator[ReportSegment]:
-    """Yield what the flight did not go for."""
+    """Yield the segments that were not part of the flight."""
     flown = {segment.id for segment in record.segments}
     never = {one.segment for one in ground.setup.unreachable} - ground.left_out
     for number, (a_m, b_m) in enumerate(ground.network.ends_m.tolist()):
@@ -201,7 +201,7 @@ def _build_vehicle(vehicle: flight_record.VehicleRecord, row: VehicleRow | None)
 
 
 def _thin_track(track: FloatArray) -> Iterator[list[flight_record.Place]]:
-    """Yield a (n, 4) track in the pieces that were heard, without points that nobody sees."""
+    """Yield a (n, 4) track in pieces split at gaps, without points too close to see."""
     cuts = np.flatnonzero(np.diff(track[:, 0]) > flight_record.GAP_S) + 1
     for piece in np.split(track[:, 1:3], cuts):
         kept: list[flight_record.Place] = []
@@ -213,7 +213,7 @@ def _thin_track(track: FloatArray) -> Iterator[list[flight_record.Place]]:
 
 
 def _list_plans(record: flight_record.FlightRecord) -> Iterator[ReportPlan]:
-    """Yield what can be shown: of a day all its sorties, not the first ones alone."""
+    """Yield the plans to show: for a day all its sorties, not only the first ones."""
     first, *later = record.revisions
     name, routes = ("plan of the day", record.sorties) if record.sorties else (record.first_words, first.routes)
     yield _build_plan(name, routes)
@@ -227,7 +227,7 @@ def _build_plan(name: str, routes: Iterable[flight_record.PlannedRoute]) -> Repo
 
 
 def _list_way(route: flight_record.PlannedRoute) -> Iterator[flight_record.Place]:
-    """Yield everything that a route leads through, in its order."""
+    """Yield all places of a route, in order."""
     for index, place in enumerate(route.way_m):
         yield place
         if index % 2 == 0 and index // 2 < len(route.turns_m):

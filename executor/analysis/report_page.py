@@ -1,7 +1,7 @@
-"""report.html: one file that says what became of a flight, to be read on a screen, on paper, or next year.
+"""Write report.html: one file with the result of a flight, for screen, print or archive.
 
-It needs no network and no other file: the pictures are inside, and so is the script that draws the map. Its content
-security policy lets no other script run.
+It needs no network and no other file: pictures and the script that draws the map are inside. Its content security
+policy allows no other script.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PICTURES = {
     "profile.png": "The {first} from the side, over the ground of the raster",
     "battery.png": "Battery consumption over time, planned and measured",
 }
-"""Pictures beside the page, with their captions."""
+"""Pictures next to the page, with their captions."""
 
 
 def write_report_page(
@@ -38,14 +38,14 @@ def write_report_page(
     ground: SiteModel | None = None,
     below: Mapping[str, bytes] = MappingProxyType({}),
 ) -> None:
-    """Write the page of a flight; the pictures that lie beside it go into it.
+    """Write the page of a flight, with its pictures embedded.
 
     Args:
         record: The flight.
-        report: The content of report.json.
+        report: Content of report.json.
         path: The file.
-        ground: Its site, whose network has segments that the flight left out; without it the map has not.
-        below: The files of the ground below the line; empty if it is not known.
+        ground: Its site, whose network includes segments that the flight left out; without it the map lacks them.
+        below: Background files; empty if there is none.
 
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
@@ -66,10 +66,10 @@ def render_report_page(
 
     Args:
         record: The flight.
-        report: The content of report.json.
-        pictures: PNG files by what they show.
-        ground: Its site, as `write_report_page` has it.
-        below: The files of the ground.
+        report: Content of report.json.
+        pictures: PNG files by caption.
+        ground: Its site, as in `write_report_page`.
+        below: Background files.
     """
     images = {name: content for name, content in below.items() if name != DOCUMENT}
     return render_template(
@@ -97,7 +97,7 @@ def render_report_page(
 
 
 def describe_outcome(record: FlightRecord) -> str:
-    """Return in one sentence what became of the flight."""
+    """Return the result of the flight in one sentence."""
     total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
     lost = " and ".join(vehicle.name for vehicle, _ in record.losses)
     if not record.uncovered_segments:
@@ -147,7 +147,7 @@ def _describe_radio(row: RadioRow) -> str:
 
 
 def _describe_speeds(report: FlightReport) -> list[str]:
-    """Return in words how fast and how near to the track the segments were flown; nothing if no run is on record."""
+    """Return the speeds and deviations of the inspections in words; empty if no run is recorded."""
     rows = report.inspections
     highest = [row.speed_max_m_s for row in rows if row.speed_max_m_s is not None]
     if not highest:
@@ -161,7 +161,7 @@ def _describe_speeds(report: FlightReport) -> list[str]:
 
 
 def _get_named_values(names: Mapping[str, str], row: Document, columns: Iterable[str]) -> list[object]:
-    """Return the values of some columns, segments by the names of their assets."""
+    """Return the values of some columns, with asset names for segments."""
 
     def named(value: object) -> object:
         return [names.get(str(one), one) for one in value] if isinstance(value, tuple) else names.get(str(value), value)
@@ -176,7 +176,7 @@ def _add_distance_column(rows: Iterable[InspectionRow | SeenRow]) -> dict[str, s
 
 
 def _format_time(t_s: float | None) -> str | None:
-    """Return a time as the terminal and the page show it; what was before the take-off has none."""
+    """Return a time as the terminal and the page show it; None before the take-off."""
     return None if t_s is None else formatting.format_flight_time(t_s) or "before"
 
 

@@ -1,1 +1,1 @@
-"""The command line: one module for each family of commands, and what they show in a terminal."""
+"""Define the command line: one module for each family of commands, and their terminal output."""

@@ -1,4 +1,4 @@
-"""The command tree of `faultline`. A command's module is imported when the command is called."""
+"""Build the command tree of `faultline`. A command's module is imported when the command is called."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ONLY_IN_A_CHECKOUT = (
 
 
 class CheckoutRequired(ExecutorError):
-    """A command needs what only a checkout of the project has."""
+    """Raised when a command needs a checkout of the project."""
 
 
 COMMANDS: Mapping[str, str] = {
@@ -48,7 +48,7 @@ COMMANDS: Mapping[str, str] = {
     "replay": "executor.cli.replay:replay_logs",
     "bench": f"{BENCHMARKS}:cli",
 }
-"""Where each command is defined."""
+"""Module and function of each command."""
 BENCH = (
     "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
     "what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned."
@@ -67,7 +67,7 @@ def read_summary(name: str) -> str:
     return " ".join(docstring.partition("\n\n")[0].split())
 
 
-def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export what its commands are
+def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export the type of its commands
     """Import a command and return it, ready to be called.
 
     Raises:
@@ -84,7 +84,7 @@ def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export what
 
 
 def _is_checkout() -> bool:
-    """Return whether the benchmarks lie beside this program: another package may have their name."""
+    """Return whether the benchmarks are next to this program: another package may have their name."""
     found = find_spec(BENCHMARKS.partition(".")[0])
     return found is not None and found.origin is not None and Path(found.origin).resolve().parents[1] == ROOT
 

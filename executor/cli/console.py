@@ -1,4 +1,4 @@
-"""The operator's terminal view: a live table, and one line for each decision with its reason."""
+"""Draw the operator's terminal view: a live table, and one line for each decision with its reason."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ PROXIED = "rich_proxied_file"
 
 
 class _Screen:
-    """Standard error for as long as somebody reads it: a terminal that is closed must not end a flight."""
+    """Standard error, ignoring a closed terminal: that must not end a flight."""
 
     @property
     def _stream(self) -> TextIO:
-        """Standard error itself, also while rich stands before it to draw."""
+        """Standard error itself, also while rich replaces it to draw."""
         return cast("TextIO", getattr(sys.stderr, PROXIED, sys.stderr))
 
     def write(self, text: str) -> int:
@@ -70,20 +70,20 @@ class _Screen:
             yield
         except (OSError, ValueError) as error:
             if isinstance(error, UnicodeError):
-                raise  # rich has an answer to that
+                raise  # rich handles this one
             discard_output(self._stream)
 
 
 class TerminalConsole:
-    """Draws with rich on a terminal; plain lines where the output is a file or a pipe."""
+    """Console that draws with rich on a terminal, and prints plain lines to a file or a pipe."""
 
     def __init__(self, *, quiet: bool, yes: bool, on_page: bool = False) -> None:
-        """Choose how much is shown and whether questions are asked.
+        """Choose the amount of output, and whether questions are asked.
 
         Args:
-            quiet: show nothing but questions; `--json` wants the output for itself.
-            yes: take every question as answered.
-            on_page: leave every question to the page; nobody sits at a terminal.
+            quiet: Show questions only; `--json` uses the output itself.
+            yes: Answer yes to every question.
+            on_page: Leave every question to the page; there is no person at a terminal.
         """
         self._terminal = Terminal(file=cast("IO[str]", _Screen()), highlight=False, soft_wrap=True)
         self._quiet = quiet
@@ -97,12 +97,12 @@ class TerminalConsole:
         """Whether an offer has appeared without a bell yet."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
-        """Show one line; the mark in front says what the colour says.
+        """Show one line; the mark in front repeats the meaning of the colour.
 
         Args:
-            level: How much it matters; a fault rings the bell.
+            level: Severity; a fault rings the bell.
             text: The line.
-            at_s: Seconds since the order to take off; None before it.
+            at_s: Seconds since the take-off order; None before it.
         """
         if self._quiet:
             return
@@ -115,7 +115,7 @@ class TerminalConsole:
         self._print(line)
 
     def show_progress(self, text: str) -> None:
-        """Show how far something long has come; an empty text clears the line."""
+        """Show the progress of a long task; an empty text clears the line."""
         if self._quiet or not self._terminal.is_terminal:
             return
         self._terminal.print(Text(text), end="\r" if text else "\x1b[2K\r", overflow="crop")
@@ -130,21 +130,21 @@ class TerminalConsole:
             self._print(Text.assemble("  ", (mark, style), about))
 
     def confirm(self, question: str) -> bool:
-        """Ask while nothing else goes on; Ctrl-C is a no."""
+        """Ask while nothing else runs; Ctrl-C means no."""
         try:
             return asyncio.run(self.ask(question))
         except KeyboardInterrupt:
             return False
 
     async def ask(self, question: str) -> bool:
-        """Ask beside everything else that goes on; without somebody to answer the answer is no.
+        """Ask while everything else continues; without a terminal the answer is no.
 
-        The caller may stop to wait: it was answered elsewhere then.
+        The caller may cancel the wait if the question was answered elsewhere.
         """
         if self._yes:
             return True
         if self._on_page:
-            await asyncio.get_running_loop().create_future()  # until it was answered there
+            await asyncio.get_running_loop().create_future()  # until answered elsewhere
         if not sys.stdin.isatty():
             return False
         loop = asyncio.get_running_loop()
@@ -155,7 +155,7 @@ class TerminalConsole:
                 try:
                     line.set_result(sys.stdin.readline())
                 except (OSError, ValueError):
-                    line.set_result("")  # the terminal is closed: nobody is there to say yes
+                    line.set_result("")  # the terminal is closed: no person is there to say yes
 
         with self._show_question(question):
             loop.add_reader(sys.stdin.fileno(), typed)
@@ -178,7 +178,7 @@ class TerminalConsole:
             self._asked = None
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
-        """Keep the newest view; the terminal draws it a few times a second, from the take-off on."""
+        """Store the newest view; the terminal draws it a few times a second, from the take-off on."""
         self._view = (context, state, now_s)
         if self._quiet or not self._terminal.is_terminal or state.progress.launched_s is None:
             return
@@ -199,7 +199,7 @@ class TerminalConsole:
             self._live = None
 
     def _print(self, line: Text) -> None:
-        """Show a line; a question that waits for its answer stays the last one."""
+        """Show a line; a pending question stays the last line."""
         if self._asked is None:
             self._terminal.print(line)
             return
@@ -212,7 +212,7 @@ class TerminalConsole:
         self._terminal.print(self._asked, end="")
 
     def _render_view(self) -> Group:
-        """Draw the newest view; called by the terminal's own thread, which must outlive a mistake in it."""
+        """Draw the newest view; called by the terminal's own thread, which must survive an error in it."""
         if self._view is None:
             return Group(Table(*COLUMNS))
         try:
@@ -221,14 +221,14 @@ class TerminalConsole:
             if offer != self._offer:
                 self._offer, self._rings = offer, bool(offer)
             return render_fleet(view)
-        except Exception as error:  # noqa: BLE001 - the boundary of that thread
+        except Exception as error:  # noqa: BLE001 - boundary of that thread
             died = (type(error), error, error.__traceback__, threading.current_thread())
             threading.excepthook(threading.ExceptHookArgs(died))
             return Group(Text("fleet display failed; decisions are still shown"))
 
 
 def render_fleet(view: FleetView) -> Group:
-    """Return the fleet as a table, and below it who is to be found where and what the crew is asked."""
+    """Return the fleet as a table, with positions of vehicles to be found and questions to the crew below it."""
     table = Table(title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for column in COLUMNS:
         table.add_column(column, justify="left" if column in LEFT_ALIGNED else "right")
@@ -296,9 +296,9 @@ def _describe_other_control(hands: TakenView) -> str:
 
 
 def _drop_typed_input() -> None:
-    """Drop what was typed before the question was there: nobody has said yes to it."""
+    """Drop input typed before the question was shown: it answers nothing."""
     if sys.platform == "win32":
-        return  # where nothing is flown
+        return  # on systems that do not fly
     with suppress(ImportError, OSError, ValueError):
         import termios
 

@@ -1,4 +1,4 @@
-"""Errors meant for users: bad input, or a fault outside this program."""
+"""Define the errors meant for users: bad input, or a fault outside this program."""
 
 from executor.errors import ExecutorError
 from missions import MissionsError

@@ -1,4 +1,4 @@
-"""The exit codes of `faultline`, and which error is which."""
+"""Define the exit codes of `faultline`, and the code of each error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ INTERRUPTED = 128 + signal.SIGINT
 
 
 def exit_code_of(error: BaseException) -> int:
-    """Return what an error that has a line of its own ends with: a vehicle that refuses is no bad input."""
-    from executor.errors import VehicleRefused  # `--help` needs none
+    """Return the exit code of an error with its own message: a vehicle's refusal is not bad input."""
+    from executor.errors import VehicleRefused  # not needed for `--help`
 
     return ANSWER_IS_NO if isinstance(error, VehicleRefused) else BAD_INPUT

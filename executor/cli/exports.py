@@ -1,4 +1,4 @@
-"""The command `export`: files for other ground stations, for Google Earth, for GIS programs and for handhelds."""
+"""Define the command `export`: files for other ground stations, Google Earth, GIS programs and handhelds."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ STEP_S = 0.5
 
 
 def build_drawn_run(run: Path) -> exports.MapFeatures:
-    """Return the flight of a run directory.
+    """Return the map features of a run directory's flight.
 
     Raises:
         LogError: it holds no report, or its log cannot be read.
@@ -54,7 +54,7 @@ def build_drawn_run(run: Path) -> exports.MapFeatures:
             f"{RunDirectory(run).plan_path(0)}: inspection: expected heights and speeds, but the plan has none"
         )
     pads = []
-    for one in record.vehicles:  # a home's height above mean sea level is as its vehicle said it first
+    for one in record.vehicles:  # home altitude: the vehicle's first report
         at_m = float(one.sea_m[0] - one.track[0, 3]) if len(one.track) else first.frame.alt_m
         pads.append(missions.Pad(one.name, *one.pad_m, at_m))
     names = tuple(vehicle.name for vehicle in record.vehicles)
@@ -99,7 +99,7 @@ def _build_planned_ways(
 def _build_replanned_ways(
     run: Path, record: FlightRecord, setup: missions.FlightSetup, first: missions.PlanFile
 ) -> Iterator[exports.MapLine]:
-    """Yield what was put on board in flight, from where the vehicle began it."""
+    """Yield the re-plans uploaded in flight, each from where the vehicle began it."""
     for revision in record.revisions[1:]:
         content = missions.read_plan(RunDirectory(run).plan_path(revision.number))
         on_board = {route.vehicle for route in revision.routes}
@@ -125,7 +125,7 @@ def _build_replanned_ways(
 def _build_path_from_air(
     setup: missions.FlightSetup, name: str, start_m: tuple[float, float], up_m: float | None, visits: tuple[int, ...]
 ) -> missions.FlightPath:
-    """Return the path that begins where a vehicle was in the air; without its height there, in its layer."""
+    """Return the path from a vehicle's position in the air; without its height there, in its layer."""
     layers = setup.layers
     here_m = (layers.surface.height_m(*start_m) if up_m is None else up_m) + layers.offset_m(name)
     alt_rel_m = here_m - setup.frame.up_m(setup.pad_of(name).alt_m)
@@ -138,7 +138,7 @@ def _build_path_from_air(
 def _build_flown_ways(
     record: FlightRecord, frame: missions.LocalFrame, vehicle: VehicleRecord
 ) -> Iterator[exports.MapLine]:
-    """Yield a vehicle's track since the launch, in as many pieces as it was heard in; what is reckoned for itself."""
+    """Yield a vehicle's track since the launch, split at gaps; reckoned parts separately."""
     kept = _thin_positions(vehicle.track[:, 0])
     adrift = vehicle.reckoned
     cuts = (np.diff(vehicle.track[kept, 0]) > GAP_S) | np.diff(adrift[kept])
@@ -165,7 +165,7 @@ def _build_flown_ways(
 
 
 def _thin_positions(times_s: FloatArray) -> npt.NDArray[np.intp]:
-    """Return the indices of positions since the launch that are `STEP_S` apart or more."""
+    """Return the indices of positions since the launch that are at least `STEP_S` apart."""
     kept: list[int] = []
     last_s = -STEP_S
     for index, t_s in enumerate(times_s.tolist()):
@@ -176,7 +176,7 @@ def _thin_positions(times_s: FloatArray) -> npt.NDArray[np.intp]:
 
 
 def _build_loss_places(record: FlightRecord, setup: missions.FlightSetup) -> Iterator[exports.MapPoint]:
-    """Yield where each vehicle that was lost was by GPS last before that was declared, and how long before."""
+    """Yield each lost vehicle's last GPS position before its fault was declared, and its age."""
     for vehicle, fault in record.losses:
         row = find_last_row(vehicle, fault.detected_s)
         if row is None:
@@ -258,7 +258,7 @@ def export(
 def _build_paths(
     content: missions.PlanFile, source: Path, site: Path | None
 ) -> tuple[missions.FlightSetup, Mapping[str, missions.FlightPath]]:
-    """Return heights and pads, and every vehicle's path, if they are high enough and not too high."""
+    """Return heights and pads, and every vehicle's path, if they are within the height limits."""
     if content.inspection is None:
         raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
     for name in {} if content.pricing is None else content.pricing.starts:
@@ -329,7 +329,7 @@ def _mission_text(
 
 
 def _autopilot_of(content: missions.PlanFile, name: str, asked: AutopilotName | None) -> str:
-    """Return in whose dialect a vehicle's mission is written, and say where that is not what the plan says."""
+    """Return the dialect to write a vehicle's mission in, and warn if it differs from the plan's."""
     planned = next(vehicle.autopilot for vehicle in content.vehicles if vehicle.name == name)
     if asked is None and planned is None:
         _warn(f"{name}: the plan does not say its autopilot; written for {FIRST_AUTOPILOT.value}, or see --autopilot")

@@ -1,4 +1,4 @@
-"""The commands that fly, or simulate: demo, simulate, fly, day, preflight, resume, restore."""
+"""Define the commands that fly or simulate: demo, simulate, fly, day, preflight, resume, restore."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ DEMO_ITERATIONS = 300_000
 """Search iterations of the default demo: about ten seconds on one processor."""
 DEMO_MOST_S = 300.0
 DEMO_SEARCHES = 2
-"""Parallel searches of the demo, whatever the number of processors: it decides which plan is found."""
+"""Parallel searches of the demo, whatever the number of processors: it determines the plan found."""
 
 
 def demo(
@@ -76,10 +76,10 @@ def demo(
     faults = fault if fault is not None else [simulated_fleet.USUAL_LOSS if usual else simulated_fleet.OTHER_LOSS]
     site = check_site(content, "demo")
     ground = site_model.load_site_model(site, Path())
-    # What is wrong with a fault is said before anything is started.
+    # Errors in a fault are reported before anything is started.
     simulated_fleet.fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=1.0, failsafe=True)
     console = TerminalConsole(quiet=as_json, yes=True)
-    # Nobody has looked at a plan before, and the vehicle of the story must fly.
+    # There is no earlier plan to keep to, and the vehicle of the story must fly.
     wanted = replace(options.build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
     if usual:
         wanted = replace(wanted, seconds=DEMO_MOST_S, iterations=DEMO_ITERATIONS, starts=DEMO_SEARCHES)
@@ -200,7 +200,7 @@ def fly_day(
 
 
 class _PreparedSite:
-    """What is made of a site before anything is planned: what cannot be used is said by then."""
+    """Models of a site before planning: unusable input is reported by then."""
 
     def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
         check_can_fly(site)
@@ -226,7 +226,7 @@ def _fly_and_finish(request: FlightRequest, console: TerminalConsole, *, as_json
 
 
 def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tuple[Path, Path | None]:
-    """Return the site file and the plan, whichever of them is named first.
+    """Return the site file and the plan, in either order of arguments.
 
     Raises:
         SiteError: a day plan without its site, or two plans.
@@ -288,7 +288,7 @@ def resume(
     left = resuming.read_finished_run(directory)
     over = None if left is None else resuming.finish_report(directory, left)
     if over is None:
-        # A heartbeat that begins and ends is a lost ground station to a vehicle: it begins after the yes.
+        # To a vehicle, a heartbeat that begins and ends is a lost ground station: it begins after the crew's yes.
         told = [] if yes else resuming.describe_before_resume(directory, known)
         for line in told:
             console.say(Level.INFO, line)
@@ -325,7 +325,7 @@ def _finish_flight(request: FlightRequest, report: FlightReport, *, as_json: boo
 
 
 def _print_line(text: str, *, to: TextIO | None = None) -> None:
-    """Print a line; nobody may read it any more, and what is left to do is done all the same."""
+    """Print a line; if the reader is gone, the remaining work is done all the same."""
     stream = sys.stdout if to is None else to
     try:
         print(text, file=stream, flush=True)
@@ -376,7 +376,7 @@ def _draw_flight(run: Path, record: FlightRecord) -> None:
 
 
 def _read_kept_ground(run: Path) -> Mapping[str, bytes]:
-    """Return the ground below a flight's map; without it where what was kept of it is damaged."""
+    """Return the background of a flight's map; empty if the stored one is damaged."""
     try:
         return read_ground_files(run)
     except LogError as error:

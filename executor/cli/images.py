@@ -1,4 +1,4 @@
-"""The command that finds the files of a flight's pictures."""
+"""Define the command that finds the files of a flight's pictures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COLUMNS = ("path", "asset", "viewpoint", "vehicle", "camera", "sequence", "state
 
 
 class PlaceDestination(StrEnum):
-    """Where a place is written that a file does not have."""
+    """Destination of a place that a file lacks."""
 
     NONE = "none"
     XMP = "xmp"
@@ -59,7 +59,7 @@ def images(
 
 
 def _write_places(matches: Sequence[matching.FileMatch], write: PlaceDestination) -> int:
-    """Write places where files have none; returns how many."""
+    """Write the places that files lack; return their number."""
     without = [match for match in matches if match.file.lat_deg is None or match.file.lon_deg is None]
     if write is PlaceDestination.NONE:
         return 0

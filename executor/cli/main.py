@@ -1,6 +1,6 @@
-"""The command line: `faultline --help`.
+"""Run the command line: `faultline --help`.
 
-How it ends: `executor.cli.exit_codes`.
+Exit codes: `executor.cli.exit_codes`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.E
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; the one place where whatever is left over is caught."""
+    """Run the command line; the one place that catches all remaining errors."""
     given = list(arguments) if arguments is not None else sys.argv[1:]
     sys.unraisablehook = _ignore_loop_unraisable
     code: str | int | None = INTERNAL
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             code = _run_to_exit_code(given)
     except SystemExit as end:
         code = end.code
-    if arguments is None:  # the program itself; whoever else calls has an end of its own
+    if arguments is None:  # the program itself; any other caller handles its own exit
         _force_exit(code)
     raise SystemExit(code)
 
@@ -47,9 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run_to_exit_code(given: Sequence[str]) -> int:
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
-            sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for
+            sys.stdout.reconfigure(errors="backslashreplace")  # names may hold characters that a terminal cannot show
         code = _run(given or ["--help"])
-        if code == INTERRUPTED:  # some versions of typer take the interrupt for themselves
+        if code == INTERRUPTED:  # some versions of typer handle the interrupt themselves
             _exit_interrupted()
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -61,7 +61,7 @@ def _run_to_exit_code(given: Sequence[str]) -> int:
 
 
 def _force_exit(code: str | int | None) -> None:
-    """See to it that the program ends in bounded time: Python waits for threads, and those may wait for anything."""
+    """Make the program end in bounded time: Python waits for threads, which may block on anything."""
 
     def ends() -> None:
         time.sleep(ENDS_S)
@@ -80,7 +80,7 @@ def _list_waiting_threads() -> str:
 
 
 def _ignore_loop_unraisable(what: sys.UnraisableHookArgs) -> None:
-    """Pass over an event loop that Ctrl-C kept from being made whole: it complains when it is thrown away."""
+    """Ignore an event loop whose construction Ctrl-C interrupted: it complains when it is deleted."""
     if getattr(what.object, "__qualname__", "") != "BaseEventLoop.__del__":
         sys.__unraisablehook__(what)
 
@@ -88,8 +88,8 @@ def _ignore_loop_unraisable(what: sys.UnraisableHookArgs) -> None:
 def _run(given: Sequence[str]) -> int:
     _say_at_once(given)
     logging.basicConfig(format="%(message)s")
-    logging.getLogger("planner").setLevel(logging.INFO)  # it says that it compiles
-    # Loading takes a second, in which Ctrl-C may come, too.
+    logging.getLogger("planner").setLevel(logging.INFO)  # it reports compilation
+    # Loading takes a second, in which Ctrl-C may come too.
     import typer
     from typer.exceptions import TyperException
 
@@ -100,7 +100,7 @@ def _run(given: Sequence[str]) -> int:
     except BaseExceptionGroup as group:
         _exit_for_group(group, _load_own_errors())
     except TyperException as error:
-        # What a command line can be wrong about; the base class does not promise the method that all of them have.
+        # Errors of a command line; the base class does not declare the method that all of them have.
         said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
         _fail(f"{said} See --help.", BAD_INPUT)
     except typer.Abort:
@@ -118,14 +118,14 @@ def _run(given: Sequence[str]) -> int:
 
 
 def _load_own_errors() -> tuple[type[Exception], ...]:
-    """Import the errors that have a line of their own: only once one was raised, `--help` needs none."""
+    """Import the errors with their own message: only once one was raised, as `--help` needs none."""
     from executor.cli.errors import OUR_ERRORS
 
     return OUR_ERRORS
 
 
 def _say_at_once(given: Sequence[str]) -> None:
-    """Say that a flight is taken up before anything is loaded: a busy computer takes many times as long for that."""
+    """Report the resumption of a flight before anything is loaded: loading takes far longer on a busy computer."""
     quiet = {"--quiet", "-q", "--json", "--help"}
     if given[:1] == ["resume"] and not quiet & set(given) and any(Path(one, "events.jsonl").is_file() for one in given):
         with suppress(OSError, ValueError):
@@ -133,7 +133,7 @@ def _say_at_once(given: Sequence[str]) -> None:
 
 
 def _exit_for_group(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:
-    """End with the first of several that were raised side by side."""
+    """Exit with the first of several errors raised concurrently."""
     if group.subgroup(KeyboardInterrupt) is not None:
         raise KeyboardInterrupt
     ours, rest = group.split(known)
@@ -147,20 +147,20 @@ def _fail(text: str, code: int) -> NoReturn:
     line = " ".join(text.split())
     if len(line) > LONGEST:
         line = f"{line[:LONGEST]}..."
-    with suppress(OSError):  # a terminal that is closed
+    with suppress(OSError):  # closed terminal
         print(f"faultline: {line}".encode(errors="backslashreplace").decode(), file=sys.stderr)
     raise SystemExit(code)
 
 
 def _exit_interrupted() -> NoReturn:
-    # Threads end in their own time; one more Ctrl-C meanwhile has nothing left to interrupt.
+    # Threads end in their own time; another Ctrl-C meanwhile has nothing left to interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_children()
     _fail("interrupted", INTERRUPTED)
 
 
 def _exit_without_output(error: OSError) -> NoReturn:
-    """End without a word if nobody reads any more, as `| head` does; else say what there is no room for."""
+    """Exit silently if the reader is gone, as with `| head`; else report what there is no room for."""
     if not isinstance(error, BrokenPipeError):
         _fail(f"cannot write: {error.strerror}", BAD_INPUT)
     discard_output(sys.stdout)
@@ -168,12 +168,12 @@ def _exit_without_output(error: OSError) -> NoReturn:
 
 
 def _exit_internal_error(error: BaseException) -> NoReturn:
-    """Keep an internal error where it can be reported, and say one line."""
+    """Save an internal error for a bug report, and print one line."""
     import tempfile
     import traceback
 
     kept = ""
-    with suppress(OSError):  # a name of its own: others may write where temporary files are
+    with suppress(OSError):  # a unique name: other users may write to the temporary directory
         number, path = tempfile.mkstemp(prefix="faultline-error-", suffix=".txt")
         with os.fdopen(number, "w", encoding="utf-8", errors="backslashreplace") as file:
             file.write("".join(traceback.format_exception(error)))

@@ -1,4 +1,4 @@
-"""The commands that read a network file: `network` shows what was read, `init` writes a site for it."""
+"""Define the commands that read a network file: `network` shows it as read, `init` writes a site for it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from missions.files import json_text, write_whole
 
 @dataclass(frozen=True, slots=True)
 class NetworkOptions:
-    """How a network's file is read: what `network` and `init` are asked alike."""
+    """Options for reading a network file, shared by `network` and `init`."""
 
     layer: Annotated[
         list[str] | None,
@@ -66,7 +66,7 @@ class NetworkOptions:
 
     @property
     def place(self) -> tuple[float, float, float | None] | None:
-        """Where the depot is.
+        """Place of the depot.
 
         Raises:
             SiteError: the option is no place.
@@ -75,10 +75,10 @@ class NetworkOptions:
         return None if self.depot is None else parse_depot(self.depot)
 
     def build_selection(self) -> missions.Selection:
-        """Return what is asked of the file.
+        """Return the selection of the file.
 
         Raises:
-            SiteError: the filter is none.
+            SiteError: the filter is invalid.
         """
         try:
             terms = () if self.where is None else missions.parse_where(self.where)
@@ -89,7 +89,7 @@ class NetworkOptions:
 
 
 def parse_depot(text: str) -> tuple[float, float, float | None]:
-    """Return where a depot is: by its figures, or as a point of a file by its name.
+    """Return the place of a depot: given as figures, or as a named point of a file.
 
     Raises:
         SiteError: it is neither.
@@ -131,7 +131,7 @@ WIDTH = 100
 
 @dataclass(frozen=True, slots=True)
 class LineRow:
-    """One line of a network, as it was understood."""
+    """One line of a network, as read."""
 
     name: str
     spans: int
@@ -191,7 +191,7 @@ def network(
 
 
 def _collect_choices(ground: site_model.SiteModel) -> dict[int, dict[str, object]]:
-    """Return what a site says of segments, by their numbers."""
+    """Return a site's settings for segments, by segment number."""
     found = dict[int, dict[str, object]]()
     for segment in ground.left_out:
         found[segment] = {"left_out": True}
@@ -208,7 +208,7 @@ def _build_choices(ground: site_model.SiteModel) -> dict[str, object]:
 
 
 def build_line_rows(understood: missions.NetworkImport) -> list[LineRow]:
-    """Return the lines of a network in the order of its file; spans without a line's name are one."""
+    """Return the lines of a network in the order of its file; spans without a line's name form one."""
     network = understood.network
     spans: dict[str, list[int]] = {}
     for segment in network.segments:

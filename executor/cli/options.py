@@ -1,4 +1,4 @@
-"""Arguments and options shared by several commands."""
+"""Define arguments and options shared by several commands."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from planner import Cost
 
 
 def require_finite(value: float | None) -> float | None:
-    """Refuse what is no number: a bound lets nan pass, and nothing ends at infinity."""
+    """Refuse NaN and infinity: a bound lets NaN pass, and nothing ends at infinity."""
     if value is not None and not math.isfinite(value):
         raise typer.BadParameter(f"expected a finite number, got {value}.")
     return value
 
 
-def number_option(text: str, low: float, high: float | None = None, *names: str, metavar: str | None = None) -> Any:  # noqa: ANN401 - as typer's own
+def number_option(text: str, low: float, high: float | None = None, *names: str, metavar: str | None = None) -> Any:  # noqa: ANN401 - as in typer
     """Return an option for a finite number between two bounds.
 
     Args:
-        text: Its help.
-        low: The lowest that it may be.
-        high: The highest.
-        names: What it is called, if not as its parameter.
-        metavar: What the help calls its value.
+        text: Help text.
+        low: Lower bound.
+        high: Upper bound.
+        names: Option names, if not that of the parameter.
+        metavar: Name of the value in the help.
     """
     return typer.Option(*names, min=low, max=high, callback=require_finite, metavar=metavar, help=text)
 
 
 def flatten_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command that is called with each option for itself where it has a dataclass of options."""
+    """Return a command that takes each option separately in place of a dataclass of options."""
     hints, parameters, groups = get_type_hints(command, include_extras=True), list[Parameter](), dict[str, list[str]]()
     for one in signature(command).parameters.values():
         hint = hints[one.name]
@@ -59,7 +59,7 @@ def flatten_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 class PlanCostName(StrEnum):
-    """What a first plan is chosen by."""
+    """Objective of a first plan."""
 
     _ignore_ = "known"
     for known in Cost:
@@ -68,7 +68,7 @@ class PlanCostName(StrEnum):
 
 
 class FormatName(StrEnum):
-    """What other programs read."""
+    """Formats of other programs."""
 
     QGC = "qgc"
     WAYPOINTS = "waypoints"
@@ -78,7 +78,7 @@ class FormatName(StrEnum):
 
 
 class AutopilotName(StrEnum):
-    """The autopilots that are known, as site files call them."""
+    """Supported autopilots, by their names in site files."""
 
     _ignore_ = "known"
     for known in AUTOPILOTS:
@@ -175,7 +175,7 @@ JobsOption = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class PlanOptions:
-    """How a first plan is made: what `plan`, `preflight` and `fly` are asked alike."""
+    """Options of a first plan, shared by `plan`, `preflight` and `fly`."""
 
     cost: PlanCostOption = None
     solver: Annotated[
@@ -207,10 +207,10 @@ class PlanOptions:
     ] = None
 
     def build_request(self) -> PlanRequest:
-        """Return what is asked for.
+        """Return the plan request.
 
         Raises:
-            PlanFileError: the solver cannot do it.
+            PlanFileError: the solver does not support it.
         """
         return replace(
             build_plan_request(self.cost), seconds=self.seconds, seed=self.seed, solver=self.solver,
@@ -220,6 +220,6 @@ class PlanOptions:
 
 
 def build_plan_request(cost: PlanCostName | None) -> PlanRequest:
-    """Return what is asked for by a cost, or by none."""
+    """Return the plan request for a cost, or for none."""
     chosen = None if cost is None or cost is PlanCostName.WINDOW else Cost(cost.value)
     return replace(DEFAULT, cost=chosen, usual=cost is None)

@@ -1,4 +1,4 @@
-"""Inputs shared by the commands that plan a flight or, with `--day`, working days."""
+"""Prepare inputs shared by the commands that plan a flight or, with `--day`, working days."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from planner import Progress, sorties, split_flights
 def load_site_with_learned(
     site: Site, base: Path, learned: Path | None, console: TerminalConsole
 ) -> site_model.SiteModel:
-    """Return what is known before any vehicle answers, with what was learned of the site's vehicles before.
+    """Return the data known before any vehicle answers, with figures learned from the site's vehicles before.
 
     Args:
-        site: The site file's tables.
+        site: Tables of the site file.
         base: Its folder.
-        learned: The run directory of an earlier flight.
-        console: Where it is said who starts from what.
+        learned: Run directory of an earlier flight.
+        console: Where the learned figures are reported.
 
     Raises:
         LogError: its learned.json is missing or cannot be used.
@@ -77,20 +77,20 @@ def select_flown_plan(
     plan: Path | None,
     after: Path | None = None,
 ) -> tuple[missions.DayPlanFile | None, missions.PlanFile]:
-    """Return the plan of a flight: the file that was looked at, or else what `plan` makes with the same options.
+    """Return the plan of a flight: the given file, or else the plan that `plan` makes with the same options.
 
     Args:
         ground: The site.
-        console: Where it is said.
-        asked: The command, with what was given to it.
-        wanted: What to plan without a file.
+        console: Where the choice is reported.
+        asked: The command's context, with its arguments.
+        wanted: Plan request without a file.
         plan: The file; of a plan of days its first day, or the next one after `after`.
-        after: The run directory whose rest is planned, or flown as the plan of days has it.
+        after: Run directory whose remainder is planned, or flown by the plan of days.
 
     Raises:
-        PlanFileError: the file is not what the site asks for, or no day of it is left.
-        SiteError: options of a new plan beside the file of another.
-        typer.Exit: nothing of a plan of days is left to fly.
+        PlanFileError: the file does not fit the site, or no day of it is left.
+        SiteError: options of a new plan along with the file of another.
+        typer.Exit: no sortie of a plan of days is left to fly.
     """
     if plan is None:
         left = None if after is None else read_segments_left(after, ground)
@@ -114,7 +114,7 @@ def select_flown_plan(
 def _select_next_day(
     content: missions.DayPlanFile, ground: SiteModel, console: TerminalConsole, asked: typer.Context, after: Path
 ) -> tuple[missions.DayPlanFile, str]:
-    """Return the day of a plan that follows a flight, and how to call it."""
+    """Return the day of a plan that follows a flight, and its name."""
     day = select_next_day(content, after, ground, asked.params.get("of") or asked.params["site"])
     if day is None:
         console.say(Level.INFO, f"{content.source}: everything is inspected; nothing is left to fly")
@@ -124,13 +124,13 @@ def _select_next_day(
 
 
 def is_option_given(asked: typer.Context, name: str) -> bool:
-    """Return whether an option of a command was given, and is not its default."""
+    """Return whether an option of a command was given explicitly."""
     source = asked.get_parameter_source(name)
     return source is not None and source.name != "DEFAULT"
 
 
 def refuse_options(asked: typer.Context, names: Iterable[str], expected: str) -> None:
-    """Let nobody give some options of a command where they say nothing."""
+    """Refuse options of a command where they have no effect."""
     for name in names:
         if is_option_given(asked, name):
             raise SiteError(f"--{name.replace('_', '-')}: expected {expected}")
@@ -139,10 +139,10 @@ def refuse_options(asked: typer.Context, names: Iterable[str], expected: str) ->
 def plan_and_report(
     ground: site_model.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
 ) -> missions.PlanFile:
-    """Plan a site, or some of its segments, and say how it goes.
+    """Plan a site, or some of its segments, and report progress and result.
 
     Raises:
-        SiteError: the plan does not hold what it must.
+        SiteError: the plan fails its check.
         planner.PlannerError: the solver cannot take this problem.
     """
     task = site_model.build_first_task(ground, segments)
@@ -158,14 +158,14 @@ def plan_and_report(
 def announce_planning(
     console: TerminalConsole, wanted: PlanRequest, sizes: tuple[int, int], chosen_by: str = "", where: str = ""
 ) -> Callable[[Progress], None]:
-    """Say what is planned, and return how to say how far it is.
+    """Report the start of planning, and return a callback for its progress.
 
     Args:
-        console: Where.
-        wanted: How it is planned.
-        sizes: How many segments, and how many vehicles.
-        chosen_by: What the plan is chosen by, if not by its cost.
-        where: From where and when.
+        console: Where it is shown.
+        wanted: Plan request.
+        sizes: Number of segments, and of vehicles.
+        chosen_by: Objective of the plan, if not its cost.
+        where: Starting place and time.
     """
     name = chosen_by or ("window" if wanted.cost is None else wanted.cost.value)
     unit = "earliest s" if name == "window" else name
@@ -180,7 +180,7 @@ def announce_planning(
 
 
 def write_named_file(path: Path | None, write: Callable[[Path], object]) -> None:
-    """Write a file that the user named, if one was named.
+    """Write a file that the user named, if any.
 
     Raises:
         SiteError: it cannot be written.
@@ -193,7 +193,7 @@ def write_named_file(path: Path | None, write: Callable[[Path], object]) -> None
 
 
 def draw_named_file(path: Path | None, draw: Callable[[Any], Any]) -> None:
-    """Draw a picture that the user named, if one was named; `draw` gets the module of pictures, loaded only then.
+    """Draw a picture that the user named, if any; `draw` gets the drawing module, loaded only then.
 
     Raises:
         SiteError: it cannot be written.
@@ -207,7 +207,7 @@ def draw_named_file(path: Path | None, draw: Callable[[Any], Any]) -> None:
 def print_result(
     document: Callable[[], object], lines: Iterable[str], *, as_json: bool, answer_is_no: bool = False
 ) -> None:
-    """Print what a command found: its document, or its lines for people; it may end the command."""
+    """Print a command's result: its document, or its lines for people; may exit the command."""
     for line in [json_text(document())] if as_json else lines:
         print(line)
     if answer_is_no:
@@ -215,10 +215,10 @@ def print_result(
 
 
 def check_can_draw(option: str, path: Path | None) -> None:
-    """Check before the work that a picture will have a place, and that it can be drawn; None if nobody asked for one.
+    """Check before the work that a picture can be written and drawn; None if none was requested.
 
     Raises:
-        ExtraMissing: nothing is installed to draw with.
+        ExtraMissing: no library to draw with is installed.
         SiteError: as `check_can_write`.
     """
     if path is not None:
@@ -227,7 +227,7 @@ def check_can_draw(option: str, path: Path | None) -> None:
 
 
 def check_can_write(*paths: Path | None) -> None:
-    """Check before the work that its results will have a place; None for what nobody asked for.
+    """Check before the work that its results can be written; None for those not requested.
 
     Raises:
         SiteError: one is a directory, or its folder is missing or cannot be written to.
@@ -253,7 +253,7 @@ ObjectiveOption = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class DayOptions:
-    """What is asked of days of many sorties, and of days in which vehicles are lost."""
+    """Options of days of many sorties, and of days with lost vehicles."""
 
     day: Annotated[
         bool,
@@ -281,7 +281,7 @@ class DayOptions:
 
 
 def parse_shares(text: str) -> list[float]:
-    """Return the chances of `--probability` as shares.
+    """Return the percentages of `--probability` as shares.
 
     Raises:
         SiteError: it is not a list of percentages.
@@ -306,7 +306,7 @@ def plan_day(
     *,
     as_json: bool,
 ) -> None:
-    """Plan the days of a site and tell; exit 1 if segments are left over.
+    """Plan the days of a site and report; exit 1 if segments are left over.
 
     Raises:
         SiteError: the site or an option cannot be used.
@@ -334,10 +334,10 @@ def plan_day(
 def plan_day_and_report(
     ground: SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
 ) -> missions.DayPlanFile:
-    """Plan the days of a site, or of some of its segments, and say how it goes.
+    """Plan the days of a site, or of some of its segments, and report progress and result.
 
     Raises:
-        SiteError: the site or an option cannot be used, or the plan does not hold what it must.
+        SiteError: the site or an option cannot be used, or the plan fails its check.
     """
     content, name = build_day_problem(ground, segments), wanted.objective.value
     what = f"from {len(content.bases)} bases on {len(content.days)} days at most "
@@ -355,7 +355,7 @@ def plan_day_and_report(
 
 
 def add_loss_windows(content: missions.DayPlanFile, console: TerminalConsole, seed: int) -> missions.DayPlanFile:
-    """Return a day plan with the time from which on each vehicle may be lost, where everything is inspected."""
+    """Return a day plan with the time from which each vehicle may be lost, if everything is inspected."""
     if content.uncovered or not content.routes:
         return content
 
@@ -368,7 +368,7 @@ def add_loss_windows(content: missions.DayPlanFile, console: TerminalConsole, se
 
 
 def print_loss_windows(content: missions.DayPlanFile, seed: int, *, as_json: bool) -> None:
-    """Search anew for the time from which on each vehicle of days may be lost, and print it."""
+    """Recompute the time from which each vehicle of days may be lost, and print it."""
     console = TerminalConsole(quiet=as_json, yes=True)
     found = add_loss_windows(replace(content, windows=()), console, seed)
     console.show_progress("")
@@ -388,7 +388,7 @@ def _evaluate_spares(
     seed: int,
     shares: Sequence[float],
 ) -> list[sorties.SparesEstimate]:
-    """Return what each number of spares comes to, up to the first that is enough; none where nobody asked for it."""
+    """Return the result of each number of spares, up to the first that is enough; empty if not requested."""
     if asked.mtbf_hours is None:
         return []
     instance, found = content.build_instance(), list[sorties.SparesEstimate]()
@@ -412,9 +412,9 @@ def _evaluate_spares(
 def build_day_document(
     content: missions.DayPlanFile, spares: list[sorties.SparesEstimate], shares: list[float], mtbf_h: float | None
 ) -> dict[str, object]:
-    """Return what `--json` says of days: the plan of them, and what it asks for."""
+    """Return days for `--json`: their plan, and what it requires."""
     document = missions.build_plan_document(content)
-    # What plans of days called these before there was one format.
+    # Names of these fields in day plans before there was one format.
     document |= {"objective": content.cost.name, "sorties": document["routes"]}
     document["needs"] = [asdict(one) for one in plan_summary.compute_base_needs(content)]
     document["left_over"] = [asdict(one) for one in plan_summary.find_left_over(content)]

@@ -1,4 +1,4 @@
-"""The command that opens the plan page."""
+"""Define the command that opens the plan page."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def open_page(
 
 
 def _find_site(file: Path, reader: Worker) -> Path:
-    """Return the site file of what is to be opened; one for a network is made, by the process that reads it later."""
+    """Return the site file for a file to open; for a network one is made, by the process that reads it later."""
     if not file.is_file():
         raise SiteError(f"{file}: no such file; expected a site, a network or a plan")
     kind = site_files.find_kind(file)

@@ -1,4 +1,4 @@
-"""The commands about plans: plan, check, window, replan, risk."""
+"""Define the commands about plans: plan, check, window, replan, risk."""
 
 from __future__ import annotations
 
@@ -381,7 +381,7 @@ def risk(
 def build_risk_document(
     flown: planner.RiskCampaign, found: planner.RiskEstimate, names: Sequence[str], seed: int
 ) -> dict[str, object]:
-    """Return an answer as JSON has it."""
+    """Return a risk estimate for JSON."""
     worst = found.worst
     return {
         "mtbf_h": found.mtbf_h,

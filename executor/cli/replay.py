@@ -1,4 +1,4 @@
-"""The command that replays recorded flights."""
+"""Define the command that replays recorded flights."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def replay_logs(
     if output is not None:
         require_extra(Extra.PICTURES, "--output")
     rules = build_replay_rules(known)
-    # Of many logs one that cannot be read must not cost the others.
+    # One unreadable log of many must not stop the others.
     done = [_replay(path, rules) if len(paths) == 1 else _replay_or_report(path, rules) for path in paths]
     if output is not None:
         _write(done, output)
@@ -84,7 +84,7 @@ def replay_logs(
 
 
 def _update_packs(done: Sequence[LogReplay], path: Path, site: Site | None) -> PacksDocument:
-    """Add what the flights say of their packs to a file, and return all that stands in it."""
+    """Add the flights' pack data to a file, and return its whole content."""
     known = merge_packs((), PacksDocument.read(path) if path.exists() else None)
     for one in done:
         run = RunDirectory(one.path)
@@ -97,7 +97,7 @@ def _update_packs(done: Sequence[LogReplay], path: Path, site: Site | None) -> P
 
 
 def find_logs(path: Path) -> list[Path]:
-    """Return the logs that a path names: itself, a run directory, or what lies in a folder.
+    """Return the logs that a path names: itself, a run directory, or those in a folder.
 
     Raises:
         LogError: there is none.
@@ -124,7 +124,7 @@ def _replay(path: Path, rules: ReplayRules) -> LogReplay:
 
 
 def build_replay_document(done: Sequence[LogReplay]) -> dict[str, object]:
-    """Return what was found as JSON has it."""
+    """Return the result as JSON."""
     total = SkippedRecords()
     for one in done:
         for name, count in one.skipped.counts().items():

@@ -1,10 +1,10 @@
-"""Keeps the record of a flight, and tells of it: the operator, the event log, the plan files, the broker, checkpoints.
+"""Record a flight and report it: operator, event log, plan files, broker, checkpoints.
 
-Checkpoints stand beside the event log: the whole state at one place of it, so that nobody reads ten hours of log. The
-log stays the only truth. A checkpoint saves reading what is before its place, and whatever makes it doubtful (another
-program, another plan, another log, damage) makes it nothing: the one before it is taken, or the whole log is read. It
-is JSON, checked against the types of the state; a run directory may come from anybody, so nothing is ever unpickled. It
-is written beside the flight: nothing waits for it.
+A checkpoint is the whole state at one position of the event log, so that resuming does not replay ten hours of it. The
+log stays the only source of truth. A checkpoint only saves reading what precedes its position; on any doubt (another
+program, another plan, another log, damage) it is discarded, and the previous one is used, or the whole log is read. It
+is JSON, validated against the types of the state; a run directory may come from an untrusted source, so nothing is ever
+unpickled. It is written in the background: the flight never waits for it.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from missions.files import write_whole
 from planner import Plan, Route, segment_of
 
 Planned = tuple[Solve, SolveEnded]
-"""A planning problem and its answer."""
+"""Planning problem and its answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class InheritedRecord:
-    """What an earlier process leaves to the one that takes its flight up."""
+    """Record that an earlier process leaves to the process that resumes its flight."""
 
     unkept: tuple[Planned, ...] = ()
     """Plans found that may not be in a file yet."""
@@ -66,7 +66,7 @@ class InheritedRecord:
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """All that the log up to one place comes to."""
+    """State after replaying the log up to one position."""
 
     place: LogPlace
     state: FleetState
@@ -75,7 +75,7 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class FoundCheckpoint:
-    """What a run directory has."""
+    """Newest usable checkpoint of a run directory."""
 
     checkpoint: Checkpoint | None
     name: str
@@ -85,7 +85,7 @@ class FoundCheckpoint:
 
 
 class _Part(BaseModel):
-    """A line; strict, so that what is read is what was written, or an error."""
+    """One line of the file; strict, so that it reads back as written or fails."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, ser_json_inf_nan="constants")
 
@@ -93,7 +93,7 @@ class _Part(BaseModel):
 class _Head(_Part):
     format: Literal["faultline-checkpoint/2"] = "faultline-checkpoint/2"
     program: str
-    """Program version that wrote it; another version may hold another state or decide differently."""
+    """Version of the program that wrote it; another version may have another state or decide differently."""
     plan: str
     """Digest of the first plan."""
     place: LogPlace
@@ -113,13 +113,13 @@ class _Vehicle(_Part):
 
 @cache
 def describe_program() -> str:
-    """Return the version of this program, and the shape of the state that it knows."""
+    """Return the version of this program and the shape of its state."""
     shape = json.dumps([model.model_json_schema() for model in (_Fleet, _Vehicle)], sort_keys=True)
     return f"{__version__} {_compute_digest(shape.encode())[:16]}"
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write one, whole or not at all; called in a thread.
+    """Write a checkpoint, whole or not at all; called in a thread.
 
     Raises:
         OSError: it cannot be written.
@@ -128,14 +128,14 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 
 
 def encode_checkpoint(checkpoint: Checkpoint, plan: bytes) -> bytes:
-    """Return what the file of a checkpoint holds.
+    """Return the content of a checkpoint file.
 
-    No step of this takes longer than one vehicle's state does, so that the event loop, which has to share the
-    interpreter with it, waits for some milliseconds at most.
+    No step takes longer than one vehicle's state, so that the event loop, which shares the interpreter, waits for some
+    milliseconds at most.
 
     Args:
-        checkpoint: What to write.
-        plan: The file of the flight's first plan.
+        checkpoint: The checkpoint.
+        plan: File of the flight's first plan.
     """
     body = encode_body(checkpoint.state, checkpoint.legacy)
     head = _Head(
@@ -171,7 +171,7 @@ def find_newest_checkpoint(run: Path, log: Path) -> FoundCheckpoint:
 
 
 def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
-    """Return what a file holds.
+    """Return the content of a checkpoint file.
 
     Raises:
         ValueError: it does not fit, or is damaged.
@@ -189,15 +189,15 @@ def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Check
 
 
 def encode_body(state: FleetState, legacy: InheritedRecord) -> bytes:
-    """Return the lines of a checkpoint behind its head."""
+    """Return the lines of a checkpoint after its head."""
     fleet = _Fleet.model_construct(state=replace(state, vehicles={}), legacy=legacy)
     parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
-    # What pydantic does not know of the state are read-only mappings.
+    # Parts of the state that pydantic does not know are read-only mappings.
     return b"".join(part.model_dump_json(fallback=dict, warnings=False).encode() + b"\n" for part in parts)
 
 
 def decode_body(body: bytes) -> tuple[FleetState, InheritedRecord]:
-    """Return what `encode_body` was given."""
+    """Return the arguments of `encode_body`."""
     first, *rest = body.splitlines()
     fleet = _Fleet.model_validate_json(first)
     vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}
@@ -215,15 +215,15 @@ def _describe_error(error: Exception) -> str:
 
 
 EVERY_S = 30.0
-"""Flight seconds between checkpoints; replaying that much takes under a second, a quarter for six vehicles."""
+"""Flight seconds between checkpoints; replaying that takes under a second, a quarter for six vehicles."""
 EVERY_REAL_S = 5.0
 """Least real seconds between checkpoints of a fast simulation."""
 
 
 class Checkpointer:
-    """Writes one checkpoint after the other, beside the flight.
+    """Write checkpoints one after another, in the background.
 
-    States are values: the loop hands one over between two events, and a thread writes it down. While one is being
+    States are immutable: the loop hands one over between two events, and a thread writes it. While one is being
     written, or a disk hangs, no other is begun.
     """
 
@@ -235,14 +235,14 @@ class Checkpointer:
         told: Callable[[str], None],
         taken: str = "",
     ) -> None:
-        """Name where they go.
+        """Set the destination of the checkpoints.
 
         Args:
             run: The run directory.
-            log: Whose places they are of.
-            speedup: Of the flight.
+            log: The event log that they refer to.
+            speedup: Speedup of the flight.
             told: Called with a line for the operator when they cannot be written, and when they can again.
-            taken: The file that the flight was taken up from, which is overwritten last.
+            taken: Checkpoint that the flight was resumed from, which is overwritten last.
         """
         self._files = RunDirectory(run).checkpoints
         self._log = log
@@ -254,26 +254,26 @@ class Checkpointer:
         self._failing = False
 
     def is_due(self, state: FleetState, now_s: float) -> bool:
-        """Return whether it is time; before the launch nothing is worth it."""
+        """Return whether a checkpoint is due; never before the launch."""
         if state.progress.launched_s is None or self._writing is not None:
             return False
         return self._last_s is None or now_s - self._last_s >= self._every_s
 
     def begin(self, now_s: float, made: Callable[[LogPlace], Checkpoint]) -> None:
-        """Begin to write one; called between two events, when all that was decided is in the log."""
+        """Begin to write a checkpoint; called between two events, when all decisions are in the log."""
         place = self._log.current_place()
         if place is None or self._writing is not None:
-            return  # the disk is full: what waits in memory is in no log yet
+            return  # disk full: events waiting in memory are in no log yet
         self._last_s = now_s
         self._writing = asyncio.create_task(self._write(made(place)))
 
     async def _write(self, checkpoint: Checkpoint) -> None:
         try:
-            await self._log.settle()  # a checkpoint that outlives its log in a power loss is worth nothing
+            await self._log.settle()  # a checkpoint that outlives its log in a power loss is useless
             await asyncio.to_thread(write_checkpoint, self._files[self._next], checkpoint)
             self._next = 1 - self._next
             self._report("checkpoints are written again", failing=False)
-        except Exception as error:  # noqa: BLE001 - an internal error here must not cost anything but time
+        except Exception as error:  # noqa: BLE001 - an internal error here may cost only time
             text = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error!s:.200}"
             self._report(f"no checkpoint can be written: {text}; resume would take longer", failing=True)
         finally:
@@ -285,7 +285,7 @@ class Checkpointer:
             self._told(text)
 
     async def settle(self) -> None:
-        """Wait until nothing is being written, for no longer than anybody waits for a disk."""
+        """Wait until nothing is being written, at most for the time limit of a disk."""
         if self._writing is not None:
             await asyncio.wait({self._writing}, timeout=DISK_S)
 
@@ -299,7 +299,7 @@ SETTLE_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class FlightSession:
-    """All that a flight is supervised with."""
+    """All parts of a supervised flight."""
 
     request: FlightRequest
     console: Console
@@ -317,7 +317,7 @@ class FlightSession:
 
 
 class FlightRecorder:
-    """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
+    """Show and record a flight: lines for the operator, notes in the log, a plan file for each revision."""
 
     def __init__(self, seat: FlightSession, publication: Publication) -> None:
         self._seat = seat
@@ -338,11 +338,11 @@ class FlightRecorder:
         )
 
     def build_observer(self) -> Observer:
-        """Return what the flight tells of itself."""
+        """Return the observer of the flight."""
         return Observer(self.show_line, self.record_event, self.record_decision, self.show_notice)
 
     def record_decision(self, command: Command, now_s: float) -> None:
-        """Write a decision down, before it is carried out."""
+        """Record a decision before it is executed."""
         if not isinstance(command, Say):
             self._seat.log.note(now_s, command=to_plain(command))
         if isinstance(command, Upload):
@@ -352,23 +352,23 @@ class FlightRecorder:
                 self._warn(f"the new fence of {command.vehicle} is not on record: {error}")
 
     def show_line(self, line: Say, now_s: float) -> None:
-        """Show, keep and publish a line."""
+        """Show, record and publish a line."""
         self._seat.log.note(now_s, said=line.text, level=line.level.value)
         self._show(line, now_s)
 
     def show_notice(self, line: Say, now_s: float) -> None:
-        """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
+        """Show and record a line without a decision behind it, such as a lost broker: a replay does not expect it."""
         self._seat.log.note(now_s, told=line.text, level=line.level.value)
         self._show(line, now_s)
 
     def _show(self, line: Say, now_s: float) -> None:
-        """Show and publish a line by the clock that people go by, which begins with the order to take off."""
+        """Show and publish a line with the time since the take-off order."""
         flight_s = None if self._launched_s is None else now_s - self._launched_s
         self._seat.console.say(line.level, line.text, flight_s)
         self._publication.publish(lambda to: to.publish_line(line, now_s, flight_s))
 
     def record_event(self, event: Event, state: FleetState, now_s: float) -> None:
-        """Show the fleet after an event, and keep the plan that it brought."""
+        """Show the fleet after an event, and record the plan that it brought."""
         self._launched_s, self._state = state.progress.launched_s, state
         if isinstance(event, Tick):
             self._record_clock_step(now_s)
@@ -384,7 +384,7 @@ class FlightRecorder:
         self._seat.console.show(self._seat.context, state, now_s)
         self._publication.publish(lambda to: to.publish_event(event, state))
         if self._checkpoints.is_due(state, now_s):
-            # Between two events: what this one decides is in the log by then.
+            # Between two events: this event's decisions are in the log by then.
             asyncio.get_running_loop().call_soon(self._checkpoints.begin, now_s, self._build_checkpoint)
 
     def _build_checkpoint(self, place: LogPlace) -> Checkpoint:
@@ -397,7 +397,7 @@ class FlightRecorder:
         self.show_notice(Say(Level.WARNING, text), self._seat.clock.now_s())
 
     def _record_clock_step(self, now_s: float) -> None:
-        """Write down that the time of day was set: the flight does not go by it, but its resumption does."""
+        """Record that the computer's clock was set: the flight does not use it, but its resumption does."""
         set_s = self._seat.clock.clock_step_s()
         by_s = set_s - self._set_s
         if abs(by_s) < CLOCK_SET_S:
@@ -410,9 +410,9 @@ class FlightRecorder:
         self.show_notice(Say(Level.WARNING, text), now_s)
 
     def _write_plans(self) -> None:
-        """Keep what was planned, in a thread: for fifty vehicles it takes longer than the loop may be blocked.
+        """Write plan files in a thread: for fifty vehicles it takes longer than the loop may be blocked.
 
-        It waits until the new missions are on board, which are more urgent and need the same processor.
+        It waits for the uploads of the new missions, which are more urgent and need the same processor.
         """
         for planned in self._unkept:
             task = asyncio.create_task(self._write_plan(planned))
@@ -426,7 +426,7 @@ class FlightRecorder:
             pricing = place_vehicles(self._seat.context, vehicles).pricing
             blind = {one.name: find_blind_segments(self._seat.context, one) for one in vehicles}
             content = await asyncio.to_thread(_build_plan_file, self._seat.request, pricing, blind, planned)
-        except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
+        except Exception as error:  # noqa: BLE001 - a failed plan file must not end a flight
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
             self.show_notice(Say(Level.WARNING, text), self._seat.clock.now_s())
             report_internal_error("keeping a plan", error, said=True)
@@ -438,7 +438,7 @@ class FlightRecorder:
         )
 
     async def settle(self) -> None:
-        """Wait until everything is kept, but not for a disk that never answers."""
+        """Wait until everything is written, but not for a disk that never answers."""
         self._write_plans()
         if self._keeping:
             _, waiting = await asyncio.wait(self._keeping, timeout=SETTLE_S)
@@ -449,14 +449,14 @@ class FlightRecorder:
 
 
 def plan_path_of(run: Path, planned: Planned) -> Path:
-    """Return where a re-plan is kept."""
+    """Return the path of a re-plan's file."""
     return RunDirectory(run).plan_path(planned[1].revision)
 
 
 def _build_plan_file(
     request: FlightRequest, pricing: missions.Pricing, blind: Mapping[str, frozenset[int]], planned: Planned
 ) -> missions.PlanFile:
-    """Return a re-plan as a plan file, and keep it where there is room."""
+    """Return a re-plan as a plan file, and write it if there is room."""
     ground, (solve, event) = request.ground, planned
     task, plan = _build_replan(pricing, solve, event)
     solved = missions.SolverRecord(seed=request.plan.solved.seed, solver="search", seconds=event.solve_s)
@@ -473,14 +473,14 @@ def _build_plan_file(
 def name_locks(
     content: missions.PlanFile, locked: Mapping[int, str], blind: Mapping[str, frozenset[int]]
 ) -> missions.PlanFile:
-    """Return a re-plan that says which vehicle alone flies a segment, where the solver knew who may not.
+    """Return a re-plan with its locks as such, where the solver only knew which vehicles may not fly a segment.
 
-    So who looks at its window, or at a loss, lets the others have what was locked to the vehicle that is lost.
+    A window or a loss computed from it then releases the segments that were locked to the lost vehicle.
 
     Args:
         content: The re-plan.
-        locked: The flight's locks, by the network's ids.
-        blind: By the vehicle's name: the ids of the segments that it has no camera for.
+        locked: The flight's locks, by segment id of the network.
+        blind: Segment ids that a vehicle has no camera for, by vehicle name.
     """
     if content.pricing is None or not locked:
         return content
@@ -509,7 +509,7 @@ def _build_replan(pricing: missions.Pricing, solve: Solve, event: SolveEnded) ->
 
 
 def read_plan_in_force(request: FlightRequest, revision: int) -> missions.PlanFile:
-    """Return the newest plan that is on record; a flight that is taken up again may have had several."""
+    """Return the newest recorded plan; a resumed flight may have had several."""
     with suppress(OSError, missions.MissionsError):
         if revision > 0:
             return missions.read_plan(RunDirectory(request.run).plan_path(revision))

@@ -1,4 +1,4 @@
-"""The next sortie: what a flight left over, planned anew for vehicles with full batteries."""
+"""Plan the next sortie: what a flight left over, for vehicles with full batteries."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, PlanFileError, read_plan
 
 PLAN_S = 2.0
-"""Solver time; for more, the crew uses `faultline plan --after`."""
+"""Solver time; for longer runs the crew uses `faultline plan --after`."""
 
 
 def read_segments_left(run: Path, ground: SiteModel) -> tuple[int, ...]:
-    """Return the segments that a flight over a site's network left, by its report.
+    """Return the segments that a flight over a site's network left over, from its report.
 
     Raises:
         LogError: there is no report yet, or nothing is left over.
@@ -36,16 +36,16 @@ def read_segments_left(run: Path, ground: SiteModel) -> tuple[int, ...]:
 
 
 def select_next_day(content: DayPlanFile, after: Path, ground: SiteModel, site: Path) -> DayPlanFile | None:
-    """Return what is left of the next day of a plan, after the flights that a run directory goes back to.
+    """Return the rest of a plan's next day, after the flights recorded in a run directory and its predecessors.
 
     Args:
         content: The plan.
-        after: The run directory of the last flight.
-        ground: The site, which may be without a vehicle of the plan.
-        site: Its file, for messages.
+        after: Run directory of the last flight.
+        ground: The site; it may lack a vehicle of the plan.
+        site: Site file, for messages.
 
     Returns:
-        The day as a plan of that day alone, or None where nothing that can be reached is open.
+        The day as a plan of that day alone, or None if no reachable segment is open.
 
     Raises:
         LogError: there is no report yet.
@@ -68,12 +68,12 @@ def select_next_day(content: DayPlanFile, after: Path, ground: SiteModel, site: 
 
 
 def plan_next_flight(ground: SiteModel, report: FlightReport, seed: int) -> PlanFile | None:
-    """Return a plan for what a flight left over, by the vehicles that are not at fault; None if nothing, or nobody, is.
+    """Return a plan for the left-over segments and the vehicles not at fault; None if either is missing.
 
     Args:
-        ground: Of the flight.
-        report: Of the flight.
-        seed: Of the solver.
+        ground: Site of the flight.
+        report: Report of the flight.
+        seed: Random seed of the solver.
     """
     lost = {fault.vehicle for fault in report.faults}
     never = {one.segment for one in ground.setup.unreachable} | ground.left_out
@@ -86,7 +86,7 @@ def plan_next_flight(ground: SiteModel, report: FlightReport, seed: int) -> Plan
 
 
 def describe_next_flight(plan: PlanFile, file: Path) -> str:
-    """Return what the crew can do with the next sortie."""
+    """Return the crew's options for the next sortie."""
     names = ", ".join(vehicle.name for vehicle in plan.vehicles)
     words = f"the next sortie is planned in {file} for {names} with full batteries"
     return "\n".join([words, *describe_left_over(plan)])

@@ -1,6 +1,6 @@
 """Open the clock and the links of a flight: real time, or the faster time of our simulated fleet.
 
-Links are opened, kept up with our heartbeat, and used for several vehicles side by side.
+Links are opened, kept up with our heartbeat, and used for several vehicles concurrently.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ CALL_AGAIN_S = 0.2
 WINDOW_S = 5.0
 """Seconds of flight time over which the speed is measured."""
 KEPT = 0.9
-"""Share of the requested speed below which the crew is told."""
+"""Share of the requested speed below which the crew is warned."""
 
 
 @asynccontextmanager
 async def follow_fleet_time(site: Site, console: MessageSink) -> AsyncIterator[FleetTime]:
-    """Keep the time together with the simulated fleet of this site, if one of ours flies on this computer.
+    """Follow the clock of this site's simulated fleet, if one of ours runs on this computer.
 
-    Real vehicles, real autopilots in a simulation and everything at real time have the computer's.
+    Real vehicles, SITL autopilots and everything at real time use the computer's clock.
     """
     loop, fleet = asyncio.get_running_loop(), FleetTime(site.flight.speedup, steady_s)
     ports = [one.link.number for one in site.vehicle if one.link.scheme in {Scheme.UDP_IN, Scheme.UDP_OUT}]
@@ -76,7 +76,7 @@ async def _keep_connecting(fleet: FleetTime, port: int) -> None:
 
 
 async def _report_slow_host_once(fleet: FleetTime, speedup: float, console: MessageSink) -> None:
-    """Say in one line when the computer cannot keep up with the speed that was asked for."""
+    """Report once that the computer cannot keep up with the requested speed."""
     while True:
         ours_s, own_s, whole = fleet.steady_s(), steady_s(), fleet.is_synchronised
         await asyncio.sleep(WINDOW_S)
@@ -87,15 +87,15 @@ async def _report_slow_host_once(fleet: FleetTime, speedup: float, console: Mess
 
 
 def describe_slow_host(kept: float, speedup: float) -> str:
-    """Return what the crew is told."""
+    """Return the warning for the crew."""
     return f"host too slow: running at {kept:.1f}x instead of {speedup:g}x real time; results are unaffected"
 
 
 def check_backends(site: Site) -> None:
-    """Check that what the site's vehicles are reached through is installed, before anything is planned for them.
+    """Check that the library for the site's vehicles is installed, before planning for them.
 
     Raises:
-        ExtraMissing: MAVSDK is not.
+        ExtraMissing: MAVSDK is not installed.
     """
     if any(table.backend == "mavsdk" for table in site.vehicle):
         require_extra(Extra.MAVSDK, WANTED_BY)
@@ -108,11 +108,11 @@ async def open_links(
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
 
     Args:
-        request: What is flown.
-        clock: The flight's.
+        request: The flight request.
+        clock: Clock of the flight.
         recorded: Whether telemetry logs are written.
-        strict: Whether a port of `[forward]`, or the device of one of several links, has to be there at once: not where
-            vehicles are in the air.
+        strict: Whether a port of `[forward]`, or the device of one of several links, must be available at once; False
+            if vehicles are in the air.
 
     Raises:
         ConnectionFailed: one cannot be opened.
@@ -158,7 +158,7 @@ async def open_links(
 
 
 def build_forwarder(site: Site, clock: SystemClock) -> Forwarder:
-    """Return what passes frames between a site's vehicles and the stations beside us."""
+    """Build the forwarder of frames between a site's vehicles and other ground stations."""
     systems = {table.sysid: table.name for table in site.vehicle}
     rules = ForwardRules(site.link.station_sysid, frozenset(systems), site.forward.allow_orders)
     shares = {sysid: radio_share_of(site, name) for sysid, name in systems.items()}
@@ -171,7 +171,7 @@ AT_ONCE = 10
 
 
 async def run_concurrently(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
-    """Do several things side by side; the first that fails ends the others, and is raised as it is."""
+    """Run coroutines concurrently; the first failure cancels the others, and is raised unwrapped."""
     tasks = [asyncio.ensure_future(work) for work in works]
     try:
         return await asyncio.gather(*tasks)
@@ -182,7 +182,7 @@ async def run_concurrently(works: Iterable[Coroutine[None, None, T]]) -> list[T]
 
 
 async def run_for_each(names: Iterable[str], work: Callable[[str], Coroutine[None, None, T]]) -> dict[str, T]:
-    """Do something with every vehicle, `AT_ONCE` of them at a time; as `run_concurrently` otherwise."""
+    """Run a coroutine for every vehicle, `AT_ONCE` of them at a time; otherwise as `run_concurrently`."""
     turn, every = asyncio.Semaphore(AT_ONCE), list(names)
 
     async def one(name: str) -> T:

@@ -1,6 +1,6 @@
 """Prepare a flight: query every vehicle, build the checklist, and upload first missions.
 
-First missions, parameters, fences and rally points are put on board; what was there before is on record first.
+First missions, parameters, fences and rally points are uploaded; the previous values are recorded first.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ from missions.fences import Fence, build_fence_items
 async def interview_vehicles(
     request: FlightRequest, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
 ) -> Mapping[str, VehicleFacts]:
-    """Ask everybody.
+    """Query every vehicle.
 
     Raises:
-        ConnectionFailed: somebody does not answer.
-        PreflightFailed: somebody does not become ready.
+        ConnectionFailed: a vehicle does not answer.
+        PreflightFailed: a vehicle does not become ready.
     """
     console.say(Level.INFO, f"waiting for {len(links)} vehicles")
     everybody = request.site.vehicle
@@ -75,7 +75,7 @@ async def interview_vehicles(
 async def connect_and_interview(
     site: Site, table: VehicleTable, link: OpenLink, clock: SystemClock, console: Console
 ) -> VehicleFacts:
-    """Wait for one vehicle, and ask it what it is and whether it is ready.
+    """Wait for one vehicle, and query its type and readiness.
 
     Raises:
         ConnectionFailed: it does not answer.
@@ -100,9 +100,9 @@ async def connect_and_interview(
 def build_context_and_checklist(
     request: FlightRequest, facts: Mapping[str, VehicleFacts]
 ) -> tuple[Context, Mapping[str, OnboardMission | None], list[Check]]:
-    """Return the context of the flight, everybody's first mission, and the checklist.
+    """Return the context of the flight, each vehicle's first mission, and the checklist.
 
-    Pads are where the vehicles really stand, as they will land there.
+    Pads are at the vehicles' reported positions, where they will land.
     """
     ground, site = request.ground, request.site
     frame, pads = ground.network.frame, []
@@ -151,7 +151,7 @@ def build_context_and_checklist(
         found += vehicle_checks.check_pack(context, fact)
         found += vehicle_checks.flight_times(fact, setup.dialect)
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
-    # Last, beside the question that follows: what is said yes to is what is seen.
+    # Last, next to the question that follows: the crew confirms what it sees.
     later = frozenset[int]() if request.day is None else day_plans.find_later_segments(request.day)
     found += _check_plan(request, later)
     return context, boards, found
@@ -170,7 +170,7 @@ async def upload_first_missions(
     boards: Mapping[str, OnboardMission | None],
     console: Console,
 ) -> None:
-    """Put everybody's first mission on board.
+    """Upload each vehicle's first mission.
 
     Raises:
         VehicleRefused: a vehicle did not take its mission.
@@ -187,7 +187,7 @@ async def upload_first_missions(
 
 
 def _check_links(site: Site, context: Context, facts: Mapping[str, VehicleFacts]) -> list[Check]:
-    """Say who may speak on the links, who else is there, and what radios have to carry."""
+    """Check which stations may send on the links, which others are present, and the load of the radios."""
     links, signed = {table.name: table.links for table in site.vehicle}, site.signing is not None
     found = [vehicle_checks.check_signing(links, signed=signed)]
     found += vehicle_checks.check_forwarding(
@@ -201,7 +201,7 @@ def _check_links(site: Site, context: Context, facts: Mapping[str, VehicleFacts]
 
 
 def _list_day_pads(context: Context) -> list[Check]:
-    """Return where vehicles land at bases that are not their own: people keep clear of there too."""
+    """Return checks for landings at bases other than a vehicle's own: people keep clear there too."""
     if context.day is None:
         return []
     checks = []
@@ -214,9 +214,9 @@ def _list_day_pads(context: Context) -> list[Check]:
 
 
 async def run_checklist_only(request: FlightRequest, console: Console) -> list[Check]:
-    """Ask every vehicle, and return what a flight would be told before its take-off.
+    """Query every vehicle, and return the checklist that a flight would show before its take-off.
 
-    A vehicle that does not answer, or is not ready, is a check that stops; the others are looked at all the same.
+    A vehicle that does not answer, or is not ready, is a STOP; the others are checked all the same.
 
     Raises:
         ConnectionFailed: a connection cannot be opened.
@@ -241,7 +241,7 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
                     found += check_fences_on_board(context, facts, boards, await read_fences(context, links, clock))
                     return [*found, *(await read_changes(context, links, clock)).checks]
     found += _check_plan(request)
-    # Without everybody's place there are no pads, and no paths to look at.
+    # Without every vehicle's position there are no pads, and no paths to check.
     frame = request.ground.network.frame
     for table in site.vehicle:
         if table.name in facts:
@@ -255,18 +255,18 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
 
 
 async def read_changes(context: Context, links: Links, clock: Clock) -> ParameterProposal:
-    """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
+    """Read every vehicle's parameters, and return the changes that the flight would make; nothing is set."""
     answers = await run_for_each(context.vehicles, lambda name: asking.read_present(context, name, links[name], clock))
     proposal = add_other_homes(context, fence_changes.propose_changes(context, answers))
     return propose_stream_changes(context, proposal, [name for name in links if channel_of(links[name]).radio])
 
 
 def compose_changes_question(proposal: ParameterProposal, *, fences: int = 0) -> str:
-    """Return what is asked before anything is set.
+    """Return the question before anything is set.
 
     Args:
-        proposal: Which parameters.
-        fences: Of how many vehicles the fence.
+        proposal: Parameters to change.
+        fences: Number of vehicles whose fence changes.
     """
     counted = ((len(proposal.changes), "parameter"), (fences, "fence"))
     what = " and ".join(format_count(count, name) for count, name in counted if count)
@@ -276,9 +276,9 @@ def compose_changes_question(proposal: ParameterProposal, *, fences: int = 0) ->
 async def apply_changes(
     run: Path, proposal: ParameterProposal, context: Context, links: Links, clock: Clock, console: Console
 ) -> list[Check]:
-    """Set what the flight needs, and return how every changed vehicle comes home now.
+    """Set the parameters that the flight needs, and return how every changed vehicle does RTL now.
 
-    What was there before is on record in the run directory, and on its disk, before anything is sent.
+    The previous values are recorded in the run directory, and synced to disk, before anything is sent.
 
     Raises:
         PreflightFailed: the record cannot be written, and nothing was set; or a vehicle does not take what keeps it
@@ -310,7 +310,7 @@ async def apply_changes(
 
 
 async def read_fences(context: Context, links: Links, clock: Clock) -> dict[str, OnboardLists]:
-    """Read what everybody carries beside its mission; nothing where the site says nothing of fences."""
+    """Read every vehicle's fence and rally points; empty if the site has no fence table."""
     if context.fencing is None:
         return {}
 
@@ -327,13 +327,13 @@ def check_fences_on_board(
     found: Mapping[str, OnboardLists],
     run: Path | None = None,
 ) -> list[Check]:
-    """Hold what is on board against the flight.
+    """Check fences on board against the flight.
 
     Args:
-        context: Of the flight.
-        facts: What every vehicle said.
-        boards: The first missions.
-        found: What every vehicle carries beside.
+        context: Context of the flight.
+        facts: Answers of the vehicles.
+        boards: First missions.
+        found: Fence and rally lists on board.
         run: A directory with the record of an earlier attempt.
 
     Raises:
@@ -355,7 +355,7 @@ def check_fences_on_board(
 
 
 def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str, WantedLists]:
-    """Return what is put on board, by vehicle; nothing where the site wants none."""
+    """Return the fence and rally points to upload, by vehicle; empty if the site wants none."""
     fences = {name: {MissionKind.FENCE: build_fence_items(fence, context.frame)} for name, fence in first.items()}
     rally = {name: build_rally_list(context, name) for name in first}
     return {
@@ -367,7 +367,7 @@ def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str
 def describe_fence_changes(
     context: Context, first: Mapping[str, Fence], found: Mapping[str, OnboardLists]
 ) -> list[str]:
-    """Return what is replaced on board, for the crew to confirm."""
+    """Return what an upload replaces on board, for the crew to confirm."""
     told = []
     for name, lists in build_wanted_lists(context, first).items():
         had = {kind: len(items or ()) or "none" for kind, items in found.get(name, {}).items()}
@@ -391,7 +391,7 @@ async def upload_wanted_lists(
     found: Mapping[str, OnboardLists],
     console: Console,
 ) -> None:
-    """Put everybody's fence and rally points on board; what was there is on record, and on its disk, before.
+    """Upload every vehicle's fence and rally points; the previous ones are recorded, and synced to disk, first.
 
     Raises:
         PreflightFailed: the record cannot be written; nothing was sent.
@@ -423,7 +423,7 @@ async def upload_wanted_lists(
 
 
 def record_wider_fence(run: Path, context: Context, command: Upload) -> None:
-    """Put a wider fence on record that is about to go on board in flight.
+    """Record a wider fence that is about to be uploaded in flight.
 
     Raises:
         OSError: it cannot be written.

@@ -1,6 +1,6 @@
-"""Publish a flight over MQTT and on its page, as the site says; neither may delay the flight.
+"""Publish a flight over MQTT and on its page, as configured in the site file; neither may delay the flight.
 
-The libraries of both are loaded only where the site asks for them: that takes long.
+Their libraries are loaded only if the site uses them: loading takes long.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LEAST_TOKEN = 16
 
 
 class Publication:
-    """What one flight publishes, nothing without a broker; all but `run` return at once and raise nothing."""
+    """Publisher of one flight, inactive without a broker; all methods but `run` return at once and raise nothing."""
 
     def __init__(self, settings: MqttSettings | None, run: Path, clock: SystemClock) -> None:
         """Prepare everything; nothing is connected yet."""
@@ -54,7 +54,7 @@ class Publication:
             self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
 
     def publish(self, work: Callable[[Publisher], None]) -> None:
-        """Publish something, if there is a broker."""
+        """Publish an update, if there is a broker."""
         if self._publisher is not None:
             call_safely("mqtt", work, self._publisher)
 
@@ -66,13 +66,13 @@ class Publication:
         tell: MessageCallback,
         assets: AssetsNow | None = None,
     ) -> AsyncIterator[None]:
-        """Publish for as long as the block runs, and a moment longer for what still waits.
+        """Publish while the block runs, and a moment longer for pending messages.
 
         Args:
-            view: Returns the present.
+            view: Returns the current state.
             accept: Called with every intent.
-            tell: Called with what the operator should know.
-            assets: Returns what became of each asset; None where none asks for pictures.
+            tell: Called with lines for the operator.
+            assets: Returns the result of each asset; None if no pictures are requested.
         """
         if self._settings is None or self._publisher is None:
             yield
@@ -122,7 +122,7 @@ class Publication:
 
 
 def check_web(table: WebTable) -> None:
-    """Check what the environment must hold, and load the server, before anything is connected: loading takes long.
+    """Check the environment and load the server, before anything is connected: loading takes long.
 
     Raises:
         SiteError: the token is missing or too short.
@@ -133,7 +133,7 @@ def check_web(table: WebTable) -> None:
 
 
 def read_token(table: WebTable) -> str | None:
-    """Return the token that browsers must show; None where none is asked for.
+    """Return the token that browsers must show; None if none is required.
 
     Raises:
         SiteError: it is missing or too short.
@@ -158,9 +158,9 @@ def read_token(table: WebTable) -> str | None:
 async def serve_page(
     table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, request: FlightRequest | None = None
 ) -> AsyncIterator[None]:
-    """Serve the page; a flight goes on without it where it cannot be served.
+    """Serve the page; a flight continues without it if it cannot be served.
 
-    It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.
+    It also shows the flight before its launch: while the operator is asked, nothing that arrives at the loop is read.
     """
     if not table.enabled:
         yield
@@ -210,7 +210,7 @@ async def serve_page(
 
 
 def read_shown_ground(request: FlightRequest, console: MessageSink) -> Mapping[str, bytes]:
-    """Return what the run directory keeps of the ground, or at least where the local metres are."""
+    """Return the background in the run directory, or at least the location of the local metres."""
     try:
         kept = read_ground_files(request.run)
     except LogError as error:

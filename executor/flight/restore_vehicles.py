@@ -135,7 +135,7 @@ def _build_list_file(kept: Iterable[KeptList]) -> Document:
 
 
 def build_parameter_rows(kept: Sequence[KeptParameter]) -> list[ParameterRow]:
-    """Return what a report says of the parameters that were changed."""
+    """Return a report's rows of the changed parameters."""
     return [
         ParameterRow(vehicle=one.vehicle, name=one.name, old=one.old, new=one.new, restored=not one.is_open)
         for one in kept
@@ -155,20 +155,20 @@ SETTLE_S = 1.0
 
 @dataclass(slots=True)
 class RestingVehicle:
-    """A vehicle that was waited for until it answers and is not armed; its heartbeats are followed."""
+    """Vehicle awaited until it answers and is disarmed; its heartbeats are followed."""
 
     dialect: Dialect
     heartbeat: Heartbeat | None = None
     """Last heartbeat."""
 
     def update(self, message: Message) -> None:
-        """Take over a heartbeat."""
+        """Take a heartbeat."""
         if isinstance(message, Heartbeat):
             self.heartbeat = message
 
     @property
     def problem(self) -> str:
-        """What is in the way, in words; empty if nothing is."""
+        """Obstacle in words; empty if there is none."""
         if self.heartbeat is None:
             return "does not answer"
         if self.heartbeat.armed:
@@ -180,25 +180,25 @@ class RestingVehicle:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether it is not armed, by its last heartbeat."""
+        """Whether it is disarmed, by its last heartbeat."""
         return self.heartbeat is not None and not self.heartbeat.armed
 
 
 @asynccontextmanager
 async def wait_for_rest(link: Link, clock: Clock, autopilot: str, heard_s: float) -> AsyncIterator[RestingVehicle]:
-    """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
+    """Wait for a disarmed vehicle in order to restore it; its heartbeats are followed until the block ends.
 
-    Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
-    meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat has said
-    which autopilot it is: they write integers in two ways.
+    Once it is heard and armed, the wait ends after the time of a heartbeat that was under way. It is called meanwhile,
+    as some vehicles only answer a sender they have heard. Its answers are ignored until its heartbeat names the
+    autopilot: the two encode integers differently.
 
-    It hears no heartbeat from here: one that begins and ends would set off its ground-station failsafe.
+    No heartbeat of ours is sent: one that begins and ends would trigger its GCS failsafe.
 
     Args:
-        link: To it.
-        clock: The flight's.
-        autopilot: Which it has to be, by its name in site files.
-        heard_s: How long it is waited for, in its time.
+        link: Link to the vehicle.
+        clock: Clock of the flight.
+        autopilot: Expected autopilot, by its name in site files.
+        heard_s: Most time to wait for it, in vehicle time.
     """
     vehicle = RestingVehicle(dialect_for(autopilot))
     with listen_to(link, vehicle.update):
@@ -217,7 +217,7 @@ Links = Mapping[str, OpenLink]
 
 @dataclass(frozen=True, slots=True)
 class RecordFile(Generic[Change]):
-    """A file of the record: what is in it, and how it is read from vehicles and put back."""
+    """One file of the record: its content, and how it is read from vehicles and restored."""
 
     path_in: Callable[[Path], Path]
     parse: Callable[[Path], tuple[Change, ...]]
@@ -228,7 +228,7 @@ class RecordFile(Generic[Change]):
     """Restore the old value; returns the reason for a failure, if known at once."""
 
     def read(self, run: Path) -> tuple[Change, ...]:
-        """Return what is on record of a flight; nothing if it never changed anything.
+        """Return the record of a flight; empty if the flight never changed anything.
 
         Raises:
             LogError: the record cannot be read.
@@ -237,7 +237,7 @@ class RecordFile(Generic[Change]):
         return self.parse(path) if path.exists() else ()
 
     def write(self, run: Path, kept: Iterable[Change]) -> None:
-        """Write the record; once this returns it outlives a power loss.
+        """Write the record; once this returns it survives a power loss.
 
         Raises:
             OSError: it cannot be written.
@@ -259,7 +259,7 @@ async def _put_parameter_back(link: Link, clock: Clock, change: KeptParameter) -
         off = dialect_for(change.autopilot).unasked_hz
         return await procedures.set_streams(link, clock, off, vehicle_commands.UNASKED_US)
     await procedures.set_parameter(link, clock, change.name, change.old, change.kind)
-    return ""  # what is read in the next round tells
+    return ""  # the next round's reading decides
 
 
 async def _read_lists(link: Link, clock: Clock, wanted: Mapping[str, KeptList]) -> dict[str, Items]:
@@ -281,7 +281,7 @@ LISTS = RecordFile(lambda run: RunDirectory(run).fences, _parse_lists, _build_li
 
 @dataclass(slots=True)
 class BoardRecord(Generic[Change]):
-    """One file of the record of a run directory, as it is kept."""
+    """One file of a run directory's record, kept up to date."""
 
     file: RecordFile[Change]
     run: Path
@@ -293,13 +293,13 @@ class BoardRecord(Generic[Change]):
     def open(
         cls, file: RecordFile[Change], run: Path, console: Console, planned: Iterable[Change] = ()
     ) -> BoardRecord[Change]:
-        """Return the record that a run directory keeps from now on; nothing is written yet.
+        """Open the record of a run directory; nothing is written yet.
 
         Args:
-            file: Which of them.
+            file: Which record.
             run: The directory.
-            console: Where it is said what cannot be written.
-            planned: What is going to be changed.
+            console: Where write errors are shown.
+            planned: Changes about to be made.
 
         Raises:
             LogError: there is a record of an earlier attempt, and it cannot be read.
@@ -307,10 +307,10 @@ class BoardRecord(Generic[Change]):
         return cls(file, run, console, tuple(build_board_record(planned, file.read(run))))
 
     def write_first(self, nothing: str) -> None:
-        """Write it down before anything is sent.
+        """Write the record before anything is sent.
 
         Args:
-            nothing: What was not done if it cannot be written, in words.
+            nothing: Consequence if it cannot be written, in words.
 
         Raises:
             PreflightFailed: it cannot be written.
@@ -322,9 +322,9 @@ class BoardRecord(Generic[Change]):
             raise PreflightFailed(text) from error
 
     def update(self, changed: Iterable[Change]) -> None:
-        """Take over what has changed, and write it down where there is room.
+        """Take changes, and write them if there is room.
 
-        An older record gives everything back as well, it only asks again.
+        An older record restores everything as well; it only takes more queries.
         """
         known = {one.key: one for one in changed}
         self.kept = tuple(known.get(one.key, one) for one in self.kept)
@@ -336,12 +336,12 @@ class BoardRecord(Generic[Change]):
                 self.console.say(Level.WARNING, f"{self.file.path_in(self.run)}: cannot be written: {error.strerror}")
 
     def set_stage(self, vehicle: str, names: Iterable[str], stage: ChangeStage) -> None:
-        """Note how far a vehicle's changes have come."""
+        """Record the stage of a vehicle's changes."""
         known = set(names)
         self.update([replace(one, stage=stage) for one in self.kept if one.vehicle == vehicle and one.name in known])
 
     async def restore(self, links: Links, clock: Clock, heard_s: float) -> None:
-        """Give back all that is open to every vehicle that answers and is not armed."""
+        """Restore all open changes of every vehicle that answers and is disarmed."""
         waiting: dict[str, list[Change]] = defaultdict(list)
         for change in self.kept:
             if change.is_open:
@@ -366,9 +366,9 @@ class BoardRecord(Generic[Change]):
     async def _restore_vehicle(
         self, link: Link, clock: Clock, kept: Sequence[Change], vehicle: RestingVehicle
     ) -> list[str]:
-        """Give one vehicle back what it had, and return why something stays; what somebody else put there since does.
+        """Restore one vehicle, and return the reasons for what stays; values set by another station since do stay.
 
-        Looks and sets until everything is as it was in a round after the one that set it.
+        Reads and sets until everything is as it was, in a round after the one that set it.
         """
         waiting, ended = {one.name: one for one in kept}, list[Change]()
         problems, refused, found = list[str](), dict[str, str](), dict[str, Any]()
@@ -396,7 +396,7 @@ class BoardRecord(Generic[Change]):
         return [*problems, *stay]
 
     def _report(self, asked: Iterable[Change], problems: Iterable[str]) -> None:
-        """Say of one vehicle what it has again of what it was asked for, and what stays."""
+        """Report what one vehicle has restored of the requested changes, and what stays."""
         keys = {one.key for one in asked}
         back = [one.words_back for one in self.kept if one.key in keys and not one.is_open]
         stays = [one.words_open for one in self.kept if one.key in keys and one.is_open]
@@ -409,7 +409,7 @@ class BoardRecord(Generic[Change]):
 
 
 def read_open_changes(run: Path) -> tuple[Site, list[KeptParameter], list[KeptList]]:
-    """Return the site of a flight, and which parameters, fences and rally points have still to be given back.
+    """Return the site of a flight, and its parameters, fences and rally points that are still to be restored.
 
     Raises:
         LogError: the directory holds no record, or one that cannot be read.
@@ -426,17 +426,17 @@ def read_open_changes(run: Path) -> tuple[Site, list[KeptParameter], list[KeptLi
 
 
 def find_open_parameters(run: Path) -> list[KeptParameter]:
-    """Return which parameters are not given back; a record that cannot be read is left to `restore` to say."""
+    """Return the parameters that are not restored; an unreadable record is left for `restore` to report."""
     with suppress(LogError):
         return [one for one in PARAMETERS.read(run) if one.is_open]
     return []
 
 
 def check_run(run: Path, site: Site) -> None:
-    """Refuse to fly from a directory whose record is of vehicles that the site file does not have: it would be lost.
+    """Refuse to fly from a directory whose record has vehicles that the site file lacks: it would be lost.
 
     Raises:
-        LogError: it is so, or the record cannot be read.
+        LogError: it has such vehicles, or the record cannot be read.
     """
     systems = {table.name: table.sysid for table in site.vehicle}
     for one in PARAMETERS.read(run):
@@ -449,9 +449,9 @@ def check_run(run: Path, site: Site) -> None:
 
 
 async def restore_from_run(run: Path, console: Console) -> tuple[tuple[KeptParameter, ...], tuple[KeptList, ...]]:
-    """Give back what is on record; returns both records as they are then.
+    """Restore what is on record; return both records as they are then.
 
-    Nobody hears a heartbeat from here: a vehicle that somebody flies would take its end for a lost ground station.
+    No heartbeat of ours is sent: a vehicle flown by another station would take its end for a lost ground station.
 
     Raises:
         LogError: another process flies from this directory, or it holds no record.
@@ -459,13 +459,13 @@ async def restore_from_run(run: Path, console: Console) -> tuple[tuple[KeptParam
         ConnectionFailed: a connection cannot be opened.
     """
     with lock_run_directory(run):
-        site, waiting, lists = read_open_changes(run)  # now that nobody else writes to it
+        site, waiting, lists = read_open_changes(run)  # no other process writes to it from here on
         names = {one.vehicle for one in waiting} | {one.vehicle for one in lists}
         async with follow_fleet_time(site, console) as fleet:
             clock = SystemClock.start_on(site.flight.speedup, fleet.steady_s)
             key = read_signing_key(site, run)
             keyring = None if key is None else Keyring(key, clock.steady_unix_s)
-            # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
+            # One backend for all: it is the same connection, whichever software was used in flight.
             wanted = {
                 table.name: replace(table.requests[0], more=table.requests[1:])
                 for table in site.vehicle
@@ -479,16 +479,16 @@ async def restore_from_run(run: Path, console: Console) -> tuple[tuple[KeptParam
 async def restore_board(
     run: Path, links: Links, clock: Clock, console: Console, heard_s: float = HEARD_S
 ) -> tuple[tuple[KeptParameter, ...], tuple[KeptList, ...]]:
-    """Give back what was changed to every vehicle that answers and is not armed; say of each what became of it.
+    """Restore every vehicle that answers and is disarmed; report the result of each.
 
-    Fences go before the parameters that say how they are kept to.
+    Fences go before the parameters that control them.
 
     Args:
-        run: Where the record is.
-        links: To the vehicles.
-        clock: The flight's.
-        console: Where it is said.
-        heard_s: How long a vehicle is waited for, in its time.
+        run: Directory of the record.
+        links: Links to the vehicles.
+        clock: Clock of the flight.
+        console: Where results are shown.
+        heard_s: Most time to wait for a vehicle, in vehicle time.
 
     Returns:
         The records of parameters and of lists as they are now; empty if nothing was ever changed, or one cannot be

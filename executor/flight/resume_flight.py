@@ -37,7 +37,7 @@ LAUNCH = b'"LaunchOrdered"'
 
 @dataclass(frozen=True, slots=True)
 class InterruptedRun:
-    """A flight as its log ends."""
+    """State of a flight at the end of its log."""
 
     begun: run_start.RunStart
     head: eventlog.LogHeader
@@ -55,7 +55,7 @@ class InterruptedRun:
 
 @dataclass(frozen=True, slots=True)
 class ResumePlan:
-    """What is known of a flight that was left before its log is read: enough to be heard by its vehicles."""
+    """Data of an interrupted flight before its log is read: enough to send its vehicles our heartbeat."""
 
     request: run_start.FlightRequest
     head: eventlog.LogHeader
@@ -70,7 +70,7 @@ class ResumePlan:
 def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     """Return what is known of a flight without reading its log, as far as there is a checkpoint.
 
-    One that was never launched begins from its beginning, as nothing has moved: it is a request again.
+    A flight that was never launched starts over, as nothing has moved: it is a request again.
 
     Raises:
         LogError: the directory holds no flight, or one of a newer version.
@@ -93,12 +93,12 @@ def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
 
 
 def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], bool] = lambda: False) -> InterruptedRun:
-    """Return how a flight was left, by its checkpoint and what its log holds since; else by the whole log.
+    """Return a flight's last state, from its checkpoint and the log since; else from the whole log.
 
     Args:
         run: The run directory.
-        known: Its outset.
-        stopped: Asked again and again: whether nobody waits for it any more.
+        known: Its initial data.
+        stopped: Polled: whether the result is no longer needed.
 
     Raises:
         LogError: as `read_resume_plan`, or it was stopped.
@@ -136,7 +136,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
 
 
 def read_finished_run(run: Path) -> InterruptedRun | None:
-    """Return a flight whose log says that nothing is left to supervise; None if it does not, or there is none.
+    """Return a flight whose log shows that supervision is complete; None if it does not, or there is no flight.
 
     Raises:
         LogError: as `read_resume_plan`.
@@ -149,7 +149,7 @@ def read_finished_run(run: Path) -> InterruptedRun | None:
 
 
 def _is_launched(run: Path) -> bool:
-    """Return whether the log holds a launch; without one nothing was told to move."""
+    """Return whether the log holds a launch; without one no vehicle was ordered to move."""
     path = RunDirectory(run).events
     if not path.exists() or path.stat().st_size == 0:
         return False
@@ -159,15 +159,15 @@ def _is_launched(run: Path) -> bool:
             return any(LAUNCH in line[:200] and line.endswith(b"\n") for line in file)
     with path.open("rb") as file:
         line = file.readline()
-    # Torn by a death while the very first line was written; anything else is damage, and may have been a flight.
+    # Torn by a crash while the very first line was written; anything else is damage, and may have been a flight.
     torn = not line.endswith(b"\n") and (line.startswith(HEAD) or HEAD.startswith(line))
     if not torn:
-        eventlog.read_head(path)  # says what is wrong with it
+        eventlog.read_head(path)  # raises with the reason
     return False
 
 
 def describe_interrupted_run(left: InterruptedRun) -> list[str]:
-    """Return how a flight was left, for the crew to confirm."""
+    """Return the last state of a flight, for the crew to confirm."""
     state = left.state
     vehicles = [
         f"{vehicle.name} {vehicle.stage.value}" if vehicle.fault is None else f"{vehicle.name} at fault"
@@ -180,17 +180,17 @@ def describe_interrupted_run(left: InterruptedRun) -> list[str]:
 
 
 def finish_report(run: Path, left: InterruptedRun) -> documents.FlightReport | None:
-    """Return the report of a flight that has ended; None if there is something left to supervise."""
+    """Return the report of a flight that has ended; None if supervision is not complete."""
     if not left.state.progress.finished:
         return None
     with suppress(LogError):
         return documents.FlightReport.read(RunDirectory(run).report)
-    # It died between the end of the flight and its report.
+    # The process died between the end of the flight and its report.
     parameters = build_parameter_rows(PARAMETERS.read(run))
     report = build_report(
         left.begun.context, left.state, left.last_s, said=_read_preflight_record(run), parameters=parameters
     )
-    # What cannot be written is shown all the same.
+    # Write errors are shown all the same.
     run_flight.write_results(run, left.begun.ground, left.begun.context, left.state, report, left.head.began_unix_s)
     return report
 
@@ -216,7 +216,7 @@ async def start_unlaunched_run(request: run_start.FlightRequest, console: run_st
 
 
 def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
-    """Return what there is to say of a flight before anybody is told anything: the less, the longer its log is.
+    """Return the summary of a flight before any order is sent; without a checkpoint only its end and its log's size.
 
     Raises:
         LogError: as `read_resume_plan`.
@@ -229,21 +229,21 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
 
 
 async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> documents.FlightReport:
-    """Supervise a flight again that was left in the midst, to its end.
+    """Supervise an interrupted flight again, to its end.
 
-    The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
+    The links are opened first, and our heartbeat is sent: without it the vehicles' GCS failsafes act. The log is read
     meanwhile, in a thread.
 
     Args:
         run: The run directory.
-        console: Where the operator looks, who has said yes.
-        told: What was said already.
+        console: The operator's console; the operator has confirmed.
+        told: Lines already shown.
 
     Raises:
-        ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
+        ExecutorError: another process flies it, no vehicle answers, or the directory cannot be used.
     """
     with lock_run_directory(run), supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), run):
-        known = read_resume_plan(run)  # now that nobody else writes to it
+        known = read_resume_plan(run)  # no other process writes to it from here on
         if isinstance(known, run_start.FlightRequest):
             raise LogError(f"{run}: expected a flight that was launched")
         request = known.request
@@ -271,7 +271,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
                 _note_undone_command(log, command, left.last_s)
             away_s = max(0.0, clock.now_s() - left.last_s)
             reopened = Reopened(time.time(), away_s, left.notes)
-            # The planner's process starts while the vehicles are asked: they fly meanwhile.
+            # The planner's process starts while the vehicles are queried: they fly meanwhile.
             solver = run_flight.make_solver_process(request, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
@@ -285,7 +285,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
 
 
 async def _replay_in_thread(run: Path, known: ResumePlan) -> InterruptedRun:
-    """Read the log in a thread, which ends with its caller."""
+    """Read the log in a thread that ends with its caller."""
     over = threading.Event()
     try:
         return await asyncio.to_thread(replay_interrupted_run, run, known, over.is_set)
@@ -294,7 +294,7 @@ async def _replay_in_thread(run: Path, known: ResumePlan) -> InterruptedRun:
 
 
 def _note_undone_command(log: eventlog.EventLog, command: Command, at_s: float) -> None:
-    """Write down what was decided when the ground station died: the vehicles may not know of it."""
+    """Record the decision pending when the ground station died: the vehicles may not have received it."""
     if isinstance(command, Say):
         log.note(at_s, said=command.text, level=command.level.value, carried_out=False)
     else:

@@ -1,4 +1,4 @@
-"""Wire the parts of one flight together, and end it when the operator or the computer asks; decides nothing."""
+"""Wire the parts of one flight together, and end it on the operator's or the computer's signal; decides nothing."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ LEFT = f"supervision ends; {STAYS}"
 
 
 class Interrupts:
-    """Ctrl-C: before the take-off it ends everything.
+    """Handle Ctrl-C: before the take-off it ends everything.
 
-    Then once leaves the vehicles on their missions, twice sends them home, three times ends the supervision at once.
-    SIGTERM, and a terminal that closes, are one Ctrl-C however often they come: nobody asks for a return with them.
+    In flight, once leaves the vehicles on their missions, twice orders RTL for all, three times ends supervision at
+    once. SIGTERM and SIGHUP (a closed terminal) count as one Ctrl-C however often they come: they never mean RTL.
     """
 
     def __init__(self, flight: Flight, console: Console) -> None:
-        """Listen for the end of this flight's supervision, inside the block."""
+        """Handle the signals that end this flight's supervision, inside the block."""
         self._flight = flight
         self._console = console
         self._loop = asyncio.get_running_loop()
@@ -79,7 +79,7 @@ class Interrupts:
         for number in (signal.SIGINT, *ENDS):
             before = signal.getsignal(number)
             if before is signal.SIG_IGN and number in ENDS:
-                continue  # as nohup has it
+                continue  # as under nohup
             self._loop.add_signal_handler(
                 number, self._on_interrupt if number == signal.SIGINT else self._on_signal, number
             )
@@ -92,10 +92,10 @@ class Interrupts:
         for number, before in self._before.items():
             self._loop.remove_signal_handler(number)
             if before is not None:
-                signal.signal(number, before)  # what is done after the flight is interrupted as it was before
+                signal.signal(number, before)  # after the flight, signals act as before it
 
     async def run_unless_interrupted(self, work: Coroutine[None, None, None]) -> None:
-        """Do what comes before the take-off.
+        """Run a coroutine before the take-off.
 
         Raises:
             PreflightFailed: the operator, or the computer, ended it before it was done.
@@ -114,7 +114,7 @@ class Interrupts:
         await task
 
     def _on_signal(self, number: int) -> None:
-        """Take a signal to end; several of them are one."""
+        """Handle a signal; repeated ones count as one."""
         forget_terminal()
         if not self._once.is_first():
             return
@@ -151,7 +151,7 @@ async def run_flight(request: FlightRequest, console: Console) -> FlightReport:
     """Connect, check, upload, fly and report.
 
     Raises:
-        ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
+        ExecutorError: a vehicle does not answer, or a check fails; nothing has moved then.
     """
     load_optional_parts(request)
     solver = make_solver_process(request, console)
@@ -166,14 +166,14 @@ async def run_flight(request: FlightRequest, console: Console) -> FlightReport:
 
 
 def load_optional_parts(request: FlightRequest) -> None:
-    """Load what not every flight has, before anything is connected: no vehicle would be heard in that time.
+    """Load optional parts before anything is connected: no vehicle would be heard during the import.
 
     Raises:
         SiteError: as `check_web`.
     """
     check_web(request.site.web)
     if request.mqtt is not None:
-        import executor.adapters.mqtt.publisher  # noqa: F401 - it is loaded, and used later
+        import executor.adapters.mqtt.publisher  # noqa: F401 - loaded here, used later
 
 
 def make_solver_process(request: FlightRequest, console: Console) -> SolverProcess:
@@ -223,11 +223,12 @@ async def _check_and_supervise(
     try:
         flown = await supervise(seat, partial(_prepare_launch, seat, proposal, boards, found, fences, lists))
     except PreflightFailed:
-        RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
+        RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to resume
         raise
     finally:
         if flown is None:
-            # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
+            # Restore everything for a flight that does not take off; a vehicle that flies anyway is armed, and is left
+            # alone.
             await restore_board(run, links, clock, console)
     return flown
 
@@ -247,19 +248,19 @@ async def _prepare_launch(
     lists: Mapping[str, OnboardLists],
     flight: Flight,
 ) -> None:
-    """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
+    """Show the flight's changes on board, ask, set them, upload the missions, and ask for the take-off.
 
     Args:
-        seat: Of the flight.
-        proposal: Which parameters are set.
-        boards: The first missions.
+        seat: The flight session.
+        proposal: Parameters to set.
+        boards: First missions.
         found: Checklist so far, which grows.
         fences: Fences to upload.
         lists: Fence and rally lists on board each vehicle that was queried.
         flight: The flight.
 
     Raises:
-        PreflightFailed: the operator did not confirm, or something cannot be put on board.
+        PreflightFailed: the operator did not confirm, or an upload failed.
     """
     request, console, context, links, clock = seat.request, seat.console, seat.context, seat.links, seat.clock
     fence_lines = preparation.describe_fence_changes(context, fences, lists)
@@ -269,7 +270,7 @@ async def _prepare_launch(
         if not await _ask_crew(flight, console, Action.PREPARE, text, told):
             raise PreflightFailed("not confirmed; nothing was changed on board")
     found.extend(await preparation.apply_changes(request.run, proposal, context, links, clock, console))
-    # Before the missions: PX4 holds a mission against the fence that is on board.
+    # Before the missions: PX4 checks a mission against the fence on board.
     await preparation.upload_wanted_lists(request.run, context, links, clock, fences, lists, console)
     await preparation.upload_first_missions(context, links, clock, boards, console)
     seat.said().write(RunDirectory(request.run).vehicles)
@@ -294,11 +295,11 @@ async def _ask_crew(flight: Flight, console: Console, action: Action, text: str,
 async def supervise(
     seat: FlightSession, begins: Callable[[Flight], Coroutine[None, None, None]] | Reopened
 ) -> FlightReport:
-    """Begin a flight with what prepares it, or take one up again that was left in the midst; fly it to its end.
+    """Prepare and launch a flight, or resume an interrupted one; supervise it to its end.
 
     Raises:
         PreflightFailed: the operator did not confirm.
-        ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
+        ConnectionFailed: in an exception group, if no vehicle answers when a flight is resumed.
     """
     request, console, context, clock, links = seat.request, seat.console, seat.context, seat.clock, seat.links
     publication = Publication(request.mqtt, request.run, clock)
@@ -322,7 +323,7 @@ async def supervise(
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
                 if not isinstance(begins, Reopened):
                     await interrupts.run_unless_interrupted(begins(flight))
-                gc.freeze()  # one look of the collector at all that was there before the flight takes 0.1 s
+                gc.freeze()  # one collection over all objects from before the flight takes 0.1 s
                 async with supervised.run_beside("judging losses", partial(keep_judging, flight, seat.solver.judge)):
                     await flight.run(reopened, request.site.flight.connect_timeout_s)
                     await keeper.settle()
@@ -344,9 +345,9 @@ async def supervise(
 def write_results(
     run: Path, ground: SiteModel, context: Context, state: FleetState, report: FlightReport, began_unix_s: float
 ) -> list[str]:
-    """Write the report of a flight and what stands beside it; returns in words what could not be written.
+    """Write the report of a flight and the files with it; return the write errors in words.
 
-    The report comes last: who takes up a flight that has one writes nothing more.
+    The report comes last: the resumption of a flight that has one writes nothing more.
     """
     kept, learned = RunDirectory(run), learn_from_flight(context, state, ground.learned, today())
     writes: dict[str, Callable[[], None]] = {"learned.json": partial(learned.write, kept.learned)}

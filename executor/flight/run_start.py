@@ -1,4 +1,4 @@
-"""Inputs of a flight: plan, consoles, and the documents that its run directory keeps."""
+"""Keep the inputs of a flight: plan, consoles, and the documents in its run directory."""
 
 from __future__ import annotations
 
@@ -41,23 +41,23 @@ from missions.readers.elevation_rasters import write_kept_ground
 
 
 class MessageSink(Protocol):
-    """What shows the operator a line."""
+    """Sink of lines for the operator."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         """Show one line; `at_s` counts from the order to take off."""
 
 
 class Console(MessageSink, Protocol):
-    """Where the operator looks."""
+    """The operator's console."""
 
     def show_checks(self, found: Sequence[Check]) -> None:
         """Show the checklist."""
 
     async def ask(self, question: str) -> bool:
-        """Ask beside everything else that goes on."""
+        """Ask a question while everything else continues."""
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
-        """Show the fleet; called often, draws seldom."""
+        """Show the fleet; called often, redraws at intervals."""
 
     def stop_drawing(self) -> None:
         """Stop drawing."""
@@ -65,7 +65,7 @@ class Console(MessageSink, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MqttSettings:
-    """What a site says of its broker."""
+    """MQTT settings of a site."""
 
     topics: MqttTopics
     broker: BrokerAddress
@@ -81,13 +81,13 @@ class MqttSettings:
 def read_mqtt_settings(
     table: MqttTable | None, base: Path, source: str, environment: Mapping[str, str] = os.environ
 ) -> MqttSettings | None:
-    """Return what a site says of its broker, with the secrets that it names; None if it has none.
+    """Return a site's MQTT settings, with the secrets that it names; None if it has none.
 
     Args:
-        table: The site's table.
-        base: The folder that the site file's paths are relative to.
-        source: The site file, for messages.
-        environment: Where the secrets are.
+        table: Table of the site file.
+        base: Folder to which the site file's paths are relative.
+        source: Site file, for messages.
+        environment: Source of the secrets.
 
     Raises:
         SiteError: a secret is not set, or a certificate or its key cannot be used.
@@ -97,7 +97,7 @@ def read_mqtt_settings(
     broker = BrokerAddress(
         table.host,
         table.used_port,
-        # The same at every connection of this flight, and nobody else's.
+        # The same for every connection of this flight, and unique to it.
         f"faultline-{token_hex(6)}",
         read_secret(table.username_env, "mqtt.username_env", source, environment),
         read_secret(table.password_env, "mqtt.password_env", source, environment),
@@ -138,7 +138,7 @@ def _build_tls_context(
     key = None if table.key_file is None else base / table.key_file
     password = read_secret(table.key_password_env, "mqtt.key_password_env", source, environment) or ""
     try:
-        # Without a password OpenSSL would ask for one at the terminal.
+        # Without a password OpenSSL would prompt for one in the terminal.
         made.load_cert_chain(base / table.cert_file, key, password=lambda: password)
     except (OSError, ssl.SSLError) as error:
         files = table.cert_file if table.key_file is None else f"{table.cert_file} and {table.key_file}"
@@ -150,7 +150,7 @@ def _build_tls_context(
 
 @dataclass(frozen=True, slots=True)
 class FlightRequest:
-    """What is to be flown, and where its record goes."""
+    """Flight to fly, and where to record it."""
 
     site: Site
     base: Path
@@ -190,10 +190,10 @@ def write_run_start(request: FlightRequest) -> None:
     if request.site.mqtt is not None and request.site.mqtt.ca_file is not None:
         _keep_file(request, content["mqtt"], "ca_file", "mqtt")
     _keep_places_of_keys(request, content)
-    # What the crew sees of it is kept; the whole picture may be as large as a county.
+    # The shown part is kept; the whole picture may cover a county.
     content.get("map", {}).pop("background", None)
     if request.ground.terrain is not None:
-        # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
+        # The heights as read, not the rasters: those may be gigabytes, and may read differently next time.
         kept = RunDirectory(request.run).terrain
         write_kept_ground(kept, request.ground.terrain.elevation)
         content["terrain"]["files"] = kept.name
@@ -206,14 +206,14 @@ def write_run_start(request: FlightRequest) -> None:
 
 
 def _keep_file(request: FlightRequest, table: dict[str, Any], key: str, name: str) -> None:
-    """Copy a file that the site names into the run directory, so that this can be carried elsewhere, and name it so."""
+    """Copy a file named in the site file into the run directory, which may be moved elsewhere, and update its name."""
     file = request.base / table[key]
     table[key] = f"{name}{file.suffix}"
     shutil.copyfile(file, request.run / table[key])
 
 
 def _keep_places_of_keys(request: FlightRequest, content: dict[str, Any]) -> None:
-    """Name keys by their absolute paths: they stay where they are, as a run directory is copied and handed on."""
+    """Make the paths of keys absolute: keys stay in place, as a run directory is copied and shared."""
     for table, key in (("signing", "key_file"), ("mqtt", "cert_file"), ("mqtt", "key_file")):
         if key in content.get(table, {}):
             content[table][key] = str((request.base / content[table][key]).resolve())
@@ -230,7 +230,7 @@ class RunStart:
 
 
 def read_run_start(run: Path) -> RunStart:
-    """Return what a flight began with.
+    """Return the initial data of a flight.
 
     Raises:
         LogError: vehicles.json cannot be used.
@@ -256,7 +256,7 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, missions.PlanFi
 
 
 def build_run_start(run: Path, ground: site_model.SiteModel, plan: missions.PlanFile) -> RunStart:
-    """Return what a flight began with, as `read_run_start`."""
+    """Return the initial data of a flight, as `read_run_start`."""
     answers = AskedVehicles.read(RunDirectory(run).vehicles)
     rows = {row.name: row for row in answers.vehicles}
     pads = _build_pads(rows, ground.names)
@@ -285,15 +285,15 @@ def build_context_and_boards(
     own: Mapping[str, LinkFailsafe],
     parameters: Mapping[str, Mapping[str, float]],
 ) -> tuple[Context, dict[str, OnboardMission | None]]:
-    """Return the context of a flight, and everybody's first mission.
+    """Return the context of a flight, and each vehicle's first mission.
 
     Args:
         ground: The site.
-        setup: Its heights, over the pads where everybody stands.
-        plan: What is flown first.
+        setup: Heights, with pads at the vehicles' positions.
+        plan: First plan to fly.
         day: The day plan that it is a part of.
-        own: What each vehicle does by itself in silence.
-        parameters: What each vehicle answered.
+        own: Each vehicle's own action on a lost link.
+        parameters: Parameters that each vehicle answered.
     """
     dialects = {table.name: missions.dialect_for(table.autopilot) for table in ground.site.vehicle}
     performances = {
@@ -322,6 +322,6 @@ def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> lis
     for name in names:
         row = rows.get(name)
         if row is None or row.pad is None:
-            return None  # an older directory: the pads are those that the site gives
+            return None  # older directory: pads as in the site
         pads.append(missions.Pad(name, row.pad.east_m, row.pad.north_m, row.pad.alt_m))
     return pads

@@ -37,13 +37,13 @@ Revision = Annotated[int, Field(description="Of the workspace that the change is
 
 
 class Body(BaseModel):
-    """What is sent."""
+    """Body of a request."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class EditsBody(Body):
-    """Changes of the site file that are one step of undo."""
+    """Changes of the site file that form one step of undo."""
 
     revision: Revision
     edits: Annotated[tuple[Edit, ...], Field(min_length=1, max_length=MOST_EDITS)]
@@ -52,32 +52,32 @@ class EditsBody(Body):
 
 
 class RevisionBody(Body):
-    """Of which workspace."""
+    """Revision of the workspace."""
 
     revision: Revision
 
 
 class OpenBody(Body):
-    """A file on this computer, below the folder where the page was started."""
+    """File on this computer, below the folder where the page was started."""
 
     path: Annotated[str, Field(min_length=1, max_length=1000)]
     """A site, a network or a plan; `default` for the network that comes with faultline."""
 
 
 class PlanBody(PlanSettings):
-    """A plan to be made."""
+    """Plan to make."""
 
     revision: Revision
 
 
 class JobBody(Body):
-    """Which job."""
+    """Job to cancel."""
 
     job: Annotated[str, Field(max_length=20)]
 
 
 class LossBody(Body):
-    """A loss to think of."""
+    """Loss to evaluate."""
 
     vehicle: Annotated[str, Field(max_length=32)]
     at_s: Annotated[float, Field(ge=0, le=1e7)]
@@ -93,7 +93,7 @@ class ChangesBody(Body):
 
 
 class TryBody(Body):
-    """A connection to listen on."""
+    """Connection to listen on."""
 
     connection: Annotated[str, Field(max_length=300)]
     sysid: Annotated[int, Field(ge=1, le=254)]
@@ -101,7 +101,7 @@ class TryBody(Body):
 
 
 class FlyBody(Body):
-    """A plan to fly."""
+    """Plan to fly."""
 
     plan: Annotated[str, Field(max_length=20)]
     dry: bool = False
@@ -109,27 +109,27 @@ class FlyBody(Body):
 
 
 class LeftBody(Body):
-    """A flight whose rest is planned."""
+    """Flight whose left-over segments are planned."""
 
     run: Annotated[str, Field(max_length=200)]
     seconds: Annotated[float, Field(ge=0.1, le=86_400)] = 5.0
 
 
 class JsonBytes(Response):
-    """JSON that is made already."""
+    """JSON that is already encoded."""
 
     media_type = "application/json"
 
 
 def answer_of(kind: type[BaseModel]) -> dict[int | str, dict[str, Any]]:
-    """Return what is documented of a path's answers."""
+    """Return the documentation of a path's responses."""
     return {
         200: {"model": kind}, 409: {"model": answers.StaleAnswer}, 422: {"model": answers.ErrorAnswer}
     }  # fmt: skip
 
 
 def refuse(text: str, status: int, headers: Mapping[str, str] | None = None, **more: object) -> Response:
-    """Return the answer to what is not done: one line, and the key that it is about."""
+    """Return the response to a refused request: one line, and the key that it is about."""
     return JSONResponse({"error": text, "path": None, **more}, status, headers)
 
 
@@ -174,7 +174,7 @@ def _add_error_answers(api: FastAPI, workspace: Workspace) -> None:
 def _add_questions(api: FastAPI, workspace: Workspace) -> None:
     @api.get("/api/workspace", responses=answer_of(answers.WorkspaceAnswer))
     async def get_workspace() -> Response:
-        """Return the site, what is wrong with it, its plans and the job under way."""
+        """Return the site, its problems, its plans and the running job."""
         return JsonBytes(json_text(workspace.describe()))
 
     @api.get("/api/schema")
@@ -184,22 +184,22 @@ def _add_questions(api: FastAPI, workspace: Workspace) -> None:
 
     @api.get("/api/network", responses=answer_of(answers.NetworkAnswer))
     async def get_network() -> Response:
-        """Return the network as it was understood: spans, pylons and what was mended."""
+        """Return the network as read: spans, pylons and repairs."""
         return _answer_bytes(workspace.view.network, "no network is known")
 
     @api.get("/api/ground", responses=answer_of(answers.GroundAnswer))
     async def get_ground() -> Response:
-        """Return depot, pads, bases, places, areas and what cameras see."""
+        """Return depot, pads, bases, places, areas and camera footprints."""
         return _answer_bytes(workspace.view.ground, "nothing is known of the ground")
 
     @api.get("/api/background")
     async def get_background() -> Response:
-        """Return what lies below the line, as `ground.json` of a run directory has it."""
+        """Return the background of the map, in the form of `ground.json` in a run directory."""
         return _answer_bytes(workspace.view.background.get(DOCUMENT), "nothing is known of the ground")
 
     @api.get("/api/background/{name}")
     async def get_background_file(name: str) -> Response:
-        """Return a picture that the background names."""
+        """Return a picture of the background."""
         found = workspace.view.background.get(name)
         if found is None:
             raise HTTPException(404, "there is no such picture")
@@ -207,7 +207,7 @@ def _add_questions(api: FastAPI, workspace: Workspace) -> None:
 
     @api.get("/api/files", responses=answer_of(answers.FilesAnswer))
     async def get_files() -> Response:
-        """Return what could be opened in the folder where the page was started."""
+        """Return the files that can be opened in the folder where the page was started."""
         found = site_files.list_files(workspace.root)
         return JSONResponse({"files": [{"path": path, "kind": kind} for path, kind in found]})
 
@@ -230,7 +230,7 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
 
     @api.post("/api/edits", responses=answer_of(answers.WorkspaceAnswer))
     async def post_edits(body: EditsBody) -> Response:
-        """Do edits of the site file as one step of undo; 409 where the site is another one by now."""
+        """Apply edits to the site file as one step of undo; 409 if the site has changed meanwhile."""
         await workspace.change(body.revision, lambda store: store.edit(body.label, body.edits))
         return await answer()
 
@@ -242,13 +242,13 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
 
     @api.post("/api/redo", responses=answer_of(answers.WorkspaceAnswer))
     async def post_redo(body: RevisionBody) -> Response:
-        """Do again what was undone last."""
+        """Redo the last undone step."""
         await workspace.change(body.revision, SiteStore.redo)
         return await answer()
 
     @api.post("/api/open", responses=answer_of(answers.WorkspaceAnswer))
     async def post_open(body: OpenBody) -> Response:
-        """Open a site; a network begins a new one, a plan opens the site beside it."""
+        """Open a site; a network starts a new one, a plan opens the site next to it."""
         named = None if body.path == "default" else site_files.find_inside(workspace.root, body.path)
         await workspace.open_file(named)
         return await answer()
@@ -257,7 +257,7 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
     async def post_upload(
         request: Request, name: Annotated[str, Query(max_length=200)], use: Literal["network", "file"] = "network"
     ) -> Response:
-        """Keep the file of the body beside the site. A network begins a new site; other files are named by edits."""
+        """Store the body as a file next to the site. A network starts a new site; edits name other files."""
         kept = await workspace.upload(name, request.stream(), as_network=use == "network")
         return await answer(uploaded=kept)
 
@@ -267,35 +267,35 @@ def _add_planning(api: FastAPI, workspace: Workspace) -> None:
 
     @api.post("/api/plan", responses=answer_of(answers.JobAnswer))
     async def post_plan(body: PlanBody) -> Response:
-        """Begin to plan; the stream says how far it is. A plan that is not one of several is chosen at once."""
+        """Start planning; the event stream reports progress. A plan that is not one of several is chosen at once."""
         workspace.expect_revision(body.revision)
         return JSONResponse({"job": planning.start(workspace.now, body).describe()})
 
     @api.post("/api/cancel", responses=answer_of(answers.WorkspaceAnswer))
     async def post_cancel(body: JobBody) -> Response:
-        """End a job; what it has found is dropped."""
+        """Cancel a job; its results are dropped."""
         await planning.cancel(body.job)
         return JsonBytes(json_text(workspace.describe()))
 
     @api.get("/api/plans/{plan}", responses=answer_of(answers.PlanPart))
     async def get_plan(plan: str) -> Response:
-        """Return a plan: who is where at any time with how much battery, what is left over, and its heights."""
+        """Return a plan: each vehicle's position and battery over time, what is left over, and its heights."""
         return JsonBytes(json_text(await planning.show(workspace.now, plan)))
 
     @api.post("/api/plans/{plan}/choose", responses=answer_of(answers.WorkspaceAnswer))
     async def post_choose(plan: str) -> Response:
-        """Write a plan to the file beside the site that is flown."""
+        """Write a plan to the file next to the site that is flown."""
         await planning.choose(workspace.now, plan)
         return JsonBytes(json_text(workspace.describe()))
 
     @api.post("/api/plans/{plan}/loss", responses=answer_of(answers.LossAnswer))
     async def post_loss(plan: str, body: LossBody) -> Response:
-        """Return what the others would fly if a vehicle were lost; 409 where a newer question came meanwhile."""
+        """Return the survivors' routes if a vehicle were lost; 409 if a newer request arrived meanwhile."""
         return JsonBytes(json_text(await planning.preview_loss(workspace.now, plan, body.vehicle, body.at_s)))
 
     @api.post("/api/plans/{plan}/change", responses=answer_of(answers.ChangeAnswer))
     async def post_change(plan: str, body: ChangesBody) -> Response:
-        """Change a plan by hand: the new one is checked and priced, and kept beside the old one."""
+        """Change a plan by hand: the new one is checked and priced, and stored along with the old one."""
         return JsonBytes(json_text(await planning.change(workspace.now, plan, body.changes, keep=body.keep)))
 
 
@@ -321,19 +321,19 @@ def _add_flights(api: FastAPI, workspace: Workspace) -> None:
 
     @api.post("/api/fly", responses=answer_of(answers.FlightAnswer))
     async def post_fly(body: FlyBody) -> Response:
-        """Start a flight of a plan with a page of its own, which asks before anything takes off; `url` leads there."""
+        """Start a flight of a plan with its own page, which asks before anything takes off; `url` leads there."""
         site, plan = await workspace.choose_for_flight(body.plan)
         work = flights.run_checklist if body.dry else flights.start_flight
         return JSONResponse(await work(workspace.root, site, plan))
 
     @api.get("/api/flights", responses=answer_of(answers.FlightsAnswer))
     def get_flights() -> Response:
-        """Return the flights of the folder where the page was started, the newest first."""
+        """Return the flights of the folder where the page was started, newest first."""
         return JSONResponse({"flights": list(flights.list_flights(workspace.root))})
 
     @api.get("/api/report")
     def get_report(run: Annotated[str, Query(max_length=200)]) -> Response:
-        """Return the report of a flight, as a page that can do nothing here."""
+        """Return the report of a flight, as a sandboxed page."""
         page = RunDirectory(flights.find_run(workspace.root, run)).page
         if not page.is_file():
             raise HTTPException(404, "there is no report yet")
@@ -344,7 +344,7 @@ def _add_flights(api: FastAPI, workspace: Workspace) -> None:
 
     @api.post("/api/left", responses=answer_of(answers.JobAnswer))
     async def post_left(body: LeftBody) -> Response:
-        """Begin to plan what a flight left over."""
+        """Start planning the segments that a flight left over."""
         run = flights.find_run(workspace.root, body.run)
         job = workspace.planning.start(workspace.now, PlanSettings(seconds=body.seconds), run)
         return JSONResponse({"job": job.describe()})

@@ -20,7 +20,7 @@ class Answer(BaseModel):
 
 
 class ErrorAnswer(Answer):
-    """Why something was not done."""
+    """Reason for a refusal."""
 
     error: str
     """Error message, one line."""
@@ -29,7 +29,7 @@ class ErrorAnswer(Answer):
 
 
 class ProblemPart(Answer):
-    """What is wrong with the site."""
+    """Problem of the site."""
 
     path: list[str | int] | None
     """Site-file key that caused the problem, if known."""
@@ -54,7 +54,7 @@ class NetworkPart(Answer):
 
 
 class PlanSummary(Answer):
-    """A plan in a list."""
+    """Plan in a list."""
 
     id: str
     file: str | None
@@ -68,7 +68,7 @@ class PlanSummary(Answer):
     window_pct: float | None
     window_from_s: float | None
     breaking: BreakingLoss | None
-    """The latest loss that no re-plan covers, just before the window."""
+    """Latest loss that no re-plan covers, just before the window."""
     uncovered: int
     """Number of segments that no route covers."""
     cost: str
@@ -104,7 +104,7 @@ class JobPart(Answer):
 
 
 class WorkspaceAnswer(Answer):
-    """All that the page works on."""
+    """Workspace of the page."""
 
     revision: int
     """Grows with every change of the site."""
@@ -122,7 +122,7 @@ class WorkspaceAnswer(Answer):
     redo: str | None
     network: NetworkPart | None
     plans: list[PlanSummary]
-    """The newest first."""
+    """Newest first."""
     chosen: str | None
     job: JobPart | None
     """Search in progress, or the last one."""
@@ -138,13 +138,13 @@ class WorkspaceAnswer(Answer):
 
 
 class StaleAnswer(ErrorAnswer):
-    """The site is another one by now."""
+    """Response to a request for a site that has changed meanwhile."""
 
     workspace: WorkspaceAnswer | None = None
 
 
 class FramePart(Answer):
-    """Where local metres begin: the depot."""
+    """Origin of local metres: the depot."""
 
     lat_deg: float
     lon_deg: float
@@ -176,7 +176,7 @@ class PylonPart(Answer):
 
 
 class NetworkAnswer(Answer):
-    """The network as it was understood."""
+    """Network as read."""
 
     digest: str
     source: str
@@ -191,7 +191,7 @@ class NetworkAnswer(Answer):
 
 
 class VehiclePadPart(Answer):
-    """Where a vehicle stands."""
+    """Pad of a vehicle."""
 
     vehicle: str
     place: Place
@@ -214,7 +214,7 @@ class PlacePart(Answer):
 
 
 class AreaPart(Answer):
-    """An area that flights keep out of, or low in."""
+    """No-fly area, or area with a height limit."""
 
     index: int
     """Index of its table in the site file."""
@@ -226,7 +226,7 @@ class AreaPart(Answer):
 
 
 class FootprintPart(Answer):
-    """What one picture in the middle of a span shows."""
+    """Footprint of one picture in the middle of a span."""
 
     segment: int
     camera: str
@@ -235,7 +235,7 @@ class FootprintPart(Answer):
 
 
 class GroundAnswer(Answer):
-    """What lies around the network."""
+    """Surroundings of the network."""
 
     depot: Place | None
     pads: list[VehiclePadPart]
@@ -282,7 +282,7 @@ class VehiclePart(Answer):
 
 
 class LeftPart(Answer):
-    """A span that nobody flies."""
+    """Span that no vehicle flies."""
 
     segment: int
     name: str
@@ -301,7 +301,7 @@ class PlanPart(Answer):
 
 
 class LossAnswer(Answer):
-    """What the others would fly."""
+    """Routes of the survivors after a loss."""
 
     routes: list[VehiclePart]
     """Routes of all survivors: flown until the loss, and new."""
@@ -315,7 +315,7 @@ class LossAnswer(Answer):
 
 
 class ChangeAnswer(Answer):
-    """A plan that was changed by hand."""
+    """Plan that was changed by hand."""
 
     plan: PlanPart
     violations: list[str]
@@ -325,20 +325,20 @@ class ChangeAnswer(Answer):
 
 
 class JobAnswer(Answer):
-    """What was begun."""
+    """Job that was started."""
 
     job: JobPart
 
 
 class TryAnswer(Answer):
-    """Whether a vehicle was heard."""
+    """Result of listening for a vehicle."""
 
     answers: bool
     words: str
 
 
 class FlightAnswer(Answer):
-    """A flight that was started, or with `dry` the checklist."""
+    """Flight that was started, or with `dry` the checklist."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -351,7 +351,7 @@ class FlightAnswer(Answer):
 
 
 class FlightReportPart(Answer):
-    """What a flight came to."""
+    """Result of a flight."""
 
     finished: bool
     inspected: int
@@ -374,11 +374,11 @@ class FlightsAnswer(Answer):
     """The flights of this folder."""
 
     flights: list[FlightPart]
-    """The newest first."""
+    """Newest first."""
 
 
 class FilePart(Answer):
-    """A file that can be opened."""
+    """File that can be opened."""
 
     path: str
     kind: Literal["site", "network", "plan"]

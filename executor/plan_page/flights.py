@@ -26,18 +26,18 @@ MOST_FLIGHTS = 100
 
 
 async def start_flight(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
-    """Start a flight in a process of its own, whose page asks before anything takes off.
+    """Start a flight in a separate process, whose page asks before anything takes off.
 
     Args:
-        folder: Where its run directory goes, in `runs`.
+        folder: Folder of its run directory, in `runs`.
         site: The site file.
-        plan: The plan that is flown.
+        plan: Plan to fly.
 
     Returns:
         The address of its page, and its run directory.
 
     Raises:
-        SiteError: it has ended before its page was there, or was ended as the page did not come.
+        SiteError: it ended before its page was up, or was ended because the page did not come up.
     """
     runs = folder / RUNS
     try:
@@ -62,13 +62,14 @@ async def start_flight(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
             last = said[-1].removeprefix("faultline: ") if said else f"exit code {ended}"
             raise SiteError(f"the flight has not begun: {last}")
         await asyncio.sleep(LOOK_S)
-    # Nobody knows of it: it would hold the ports, and ask on a page that nobody sees. Nothing was confirmed yet.
+    # Without a page the flight is invisible: it would hold the ports, and ask on a page that is never opened. Nothing
+    # was confirmed yet.
     await asyncio.to_thread(end_program, flight)
     raise SiteError(f"the flight's page was not there after {STARTS_S:g} s, it was ended; see {log}")
 
 
 async def run_checklist(folder: Path, site: Path, plan: Path) -> dict[str, Any]:
-    """Run the checklist alone: vehicles are asked, nothing is uploaded, nothing moves.
+    """Run the checklist alone: vehicles are queried, nothing is uploaded, nothing moves.
 
     Raises:
         SiteError: it cannot be run.
@@ -92,7 +93,7 @@ def _name(folder: Path, run: Path) -> str:
 
 
 def list_flights(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield the flights of a folder, the newest first, with what each came to."""
+    """Yield the flights of a folder with their results, newest first."""
     runs = folder / RUNS
     found = sorted((one for one in runs.iterdir() if one.is_dir()), reverse=True) if runs.is_dir() else []
     for run in found[:MOST_FLIGHTS]:

@@ -1,6 +1,6 @@
-"""The plans of a site on disk: those that the page made, each in a file named after what is in it, and the chosen one.
+"""Keep the plans of a site on disk: those that the page made, each in a file named by its content, and the chosen one.
 
-The chosen plan is a file beside the site, the one that `faultline fly --plan` is given; another program may write it.
+The chosen plan is a file next to the site file, for `faultline fly --plan`; another program may write it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class PlanStore:
     """The plans of one site."""
 
     def __init__(self, site: Path) -> None:
-        """Name the site file; `list_new` finds what there is."""
+        """Set the site file; `list_new` finds the plans."""
         self.site = site
         self.folder = work_folder_of(site) / "plans"
         self.file = site.with_name("plan.json" if site.stem == "site" else f"{site.stem}-plan.json")
-        """The chosen plan."""
+        """File of the chosen plan."""
         self.summaries: dict[str, Mapping[str, Any]] = {}
         """Summaries by plan id, oldest first."""
         self.facts: dict[str, str] = {}
@@ -54,7 +54,7 @@ class PlanStore:
         return self.folder / f"{name}.json"
 
     def list_new(self) -> Sequence[Path]:
-        """Return the files of plans that are not known yet, the oldest first; nothing is parsed."""
+        """Return the files of new plans, oldest first; nothing is parsed."""
         self.take_chosen()
         with suppress(OSError, ValueError):
             self.facts = {**json.loads((self.folder / "facts").read_bytes()), **self.facts}
@@ -64,7 +64,7 @@ class PlanStore:
         return ()
 
     def take_chosen(self) -> Path | None:
-        """Keep what another program has written as the chosen plan; returns its file here if it is a new one."""
+        """Store a chosen plan that another program has written; return its file here if it is new."""
         try:
             stat = self.file.stat()
             seen = (stat.st_mtime_ns, stat.st_size)
@@ -82,7 +82,7 @@ class PlanStore:
         return path
 
     def add(self, made: Sequence[MadePlan], facts: str) -> None:
-        """Take up plans that were made while the site said this; the oldest make room."""
+        """Add plans made for a site with this fingerprint; the oldest are dropped."""
         for one in made:
             self.summaries.pop(one.id, None)
             self.summaries[one.id] = one.summary
@@ -95,13 +95,13 @@ class PlanStore:
         self.keep_facts()
 
     def keep_facts(self) -> None:
-        """Write down of which site each plan is."""
-        with suppress(OSError):  # it is found out again
+        """Record the site fingerprint of each plan."""
+        with suppress(OSError):  # it is recomputed next time
             self.facts = {name: facts for name, facts in self.facts.items() if name in self.summaries}
             write_whole(self.folder / "facts", json.dumps(self.facts).encode())
 
     def choose(self, name: str) -> None:
-        """Make a plan the one that is flown.
+        """Make a plan the one to fly.
 
         Raises:
             SiteError: there is none of this name, or its file cannot be written.
@@ -114,7 +114,7 @@ class PlanStore:
         self.take_chosen()
 
     def describe(self, name: str, facts: str) -> dict[str, Any]:
-        """Return a plan as the page lists it; `facts` are those of the site now."""
+        """Return a plan's entry in the page's list; `facts` is the present fingerprint of the site."""
         return {
             "id": name, "file": self.file.name if name == self.chosen else None,
             "stale": self.facts.get(name) != facts, **self.summaries[name],
@@ -122,7 +122,7 @@ class PlanStore:
 
 
 def sum_up_facts(values: Mapping[str, Any], stamps: Sequence[object]) -> str:
-    """Return what changes whenever something may that a plan depends on."""
+    """Return a fingerprint of everything that a plan depends on."""
     told = {key: one for key, one in values.items() if key in PLANNED_BY}
     fleet = told.get("vehicle")
     if isinstance(fleet, list):

@@ -1,4 +1,4 @@
-"""A plan as the page shows it: figures, and each vehicle's position and battery over time."""
+"""Build the page's view of a plan: figures, and each vehicle's position and battery over time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_PROFILE = 400
 
 @dataclass(frozen=True, slots=True)
 class Sortie:
-    """What one vehicle flies on one pack."""
+    """One vehicle's flight on one pack."""
 
     vehicle: str
     visits: tuple[int, ...]
@@ -42,7 +42,7 @@ class Sortie:
 
 
 def summarise(plan: PlanFile | DayPlanFile) -> dict[str, Any]:
-    """Return what a list of plans shows of one."""
+    """Return a plan's summary for the list of plans."""
     energy_pct = dict.fromkeys(plan.names, 0.0)
     for route in plan.routes:
         energy_pct[route.vehicle] += round(route.energy_pct, 2)
@@ -64,11 +64,11 @@ def summarise(plan: PlanFile | DayPlanFile) -> dict[str, Any]:
 
 
 def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, Any]:
-    """Return all that the page shows of a plan of a site.
+    """Return the full view of a plan of a site.
 
     Raises:
         SiteError: its flights come too near to the ground or to a line, or into an area.
-        MissionsError: it is not flown as the site has it.
+        MissionsError: it does not match the site.
     """
     if isinstance(plan, DayPlanFile):
         lines = plan_summary.describe_day(plan)
@@ -86,13 +86,13 @@ def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, 
 
 
 def list_uncovered(plan: PlanFile | DayPlanFile) -> list[dict[str, Any]]:
-    """Return what a plan does not inspect, and why."""
+    """Return the segments that a plan does not inspect, with reasons."""
     left: list[plan_summary.LeftOver | Unreachable] = [*plan_summary.find_left_over(plan), *plan.unreachable]
     return [{"segment": one.segment, "name": one.name, "why": one.why} for one in left]
 
 
 def list_sorties(plan: PlanFile | DayPlanFile) -> list[Sortie]:
-    """Return what is flown, in the order of the file."""
+    """Return the sorties of a plan, in the order of its file."""
     numbers: dict[str, int] = {}
     found = []
     for route in plan.routes:
@@ -106,7 +106,7 @@ def list_sorties(plan: PlanFile | DayPlanFile) -> list[Sortie]:
 def describe_vehicles(
     sorties: Sequence[Sortie], plan: PlanFile | DayPlanFile, ground: SiteModel
 ) -> list[dict[str, Any]]:
-    """Return each vehicle's sorties with their ways through the air, and its first one from the side."""
+    """Return each vehicle's sorties with their paths, and the height profile of its first one."""
     models = {} if plan.pricing is None else plan.pricing.models
     flights = _build_all_flights(sorties, ground)
     shown = []
@@ -124,7 +124,7 @@ def describe_vehicles(
 
 
 def _build_all_flights(sorties: Sequence[Sortie], ground: SiteModel) -> Mapping[Sortie, tuple[FlightSetup, FlightPath]]:
-    """Return each sortie's way, and the pads that it is about; those of the same number are flown side by side."""
+    """Return each sortie's path and pads; sorties of the same number fly concurrently."""
     flights = dict[Sortie, tuple[FlightSetup, FlightPath]]()
     for number in sorted({one.number for one in sorties}):
         beside = [one for one in sorties if one.number == number and one.visits]
@@ -135,7 +135,7 @@ def _build_all_flights(sorties: Sequence[Sortie], ground: SiteModel) -> Mapping[
 
 
 def _place_sorties(beside: Sequence[Sortie], ground: SiteModel) -> FlightSetup:
-    """Return the heights and pads of sorties of several vehicles: each takes off and lands where it does."""
+    """Return the heights and pads of concurrent sorties: each with its own take-off and landing."""
     if not any(one.base for one in beside):
         return ground.setup
     setup = add_day_pads(ground.setup, ground.day_pads)
@@ -170,10 +170,10 @@ def _describe_sortie(
 
 
 def _fit_to_plan(found: Estimate, path: FlightPath, planned: tuple[float, float] | None) -> FloatArray:
-    """Return (2, n) seconds and energies of a flight's legs that come to what the plan has for it.
+    """Return (2, n) seconds and energies of a flight's legs, scaled to the plan's totals.
 
-    A plan prices straight ways. Flown, they bend with the surface and take some seconds more: so the ways between
-    inspections are made to fit.
+    A plan prices straight legs. Flown, they follow the surface and take some seconds more, so the transits are scaled
+    to fit.
     """
     legs = np.array([(leg.duration_s, leg.energy_pct) for leg in found.legs]).reshape(-1, 2).T
     if planned is None:
@@ -198,7 +198,7 @@ def _describe_visits(sortie: Sortie, path: FlightPath, ends_s: Sequence[float]) 
 
 
 def _describe_profile(setup: FlightSetup, path: FlightPath) -> list[list[float | None]]:
-    """Return rows of metres flown, up from the depot, and the ground below, where a raster knows it."""
+    """Return rows of metres flown, height above the depot, and ground height, where a raster covers it."""
     known = build_profiles(setup, [path])
     if not known:
         ends = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))

@@ -1,4 +1,4 @@
-"""Planning for the page, in a worker process: plans, what-if losses, and changes by hand."""
+"""Plan for the page in a worker process: plans, what-if losses, and changes by hand."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MOST_FRONT = 12
 
 
 class PlanSettings(BaseModel):
-    """What is asked for."""
+    """Settings of a plan to make."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
@@ -53,7 +53,7 @@ class PlanSettings(BaseModel):
     """Whether to plan working days of several sorties."""
 
     def build_request(self) -> PlanRequest:
-        """Return the same that the command line makes of these options."""
+        """Return the request that the command line would build from these options."""
         chosen = None if self.cost in {None, "window"} else Cost(self.cost)
         usual = self.cost is None and not self.front
         return replace(
@@ -63,14 +63,14 @@ class PlanSettings(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class MadePlan:
-    """A plan in its file."""
+    """Plan and its file."""
 
     id: str
     summary: Mapping[str, Any]
 
 
 def load_planner() -> None:
-    """Load, or compile, all that plans and re-plans need."""
+    """Load, or compile, the kernels for plans and re-plans."""
     planner.warm_up()
     line = [[[10.0 * at, 0.0], [10.0 * at + 10.0, 0.0]] for at in range(4)]
     fleet = tuple(planner.Vehicle(f"warm-up-{number}", (0.0, 0.0), 100.0) for number in range(2))
@@ -88,14 +88,14 @@ def make_plans(
 
     Args:
         text: The site file.
-        folder: What its paths are relative to.
-        wish: What is asked for.
-        into: Where the plans go.
-        job: Whose progress it is.
-        after: A run directory: what its flight left is planned.
+        folder: Folder that its paths are relative to.
+        wish: Settings of the plan.
+        into: Folder for the plans.
+        job: Number of the job, for its progress.
+        after: Run directory of a flight whose left-over segments are planned.
 
     Raises:
-        ExecutorError: the site cannot be planned for, nobody waits any more, or a plan cannot be written.
+        ExecutorError: the site cannot be planned, the job was cancelled, or a plan cannot be written.
         PlannerError: the solver cannot take this problem.
         MissionsError: a plan cannot be flown.
     """
@@ -132,7 +132,7 @@ def _plan_day(ground: SiteModel, wanted: PlanRequest, told: Any, left: Iterable[
 
 
 def keep_plan(plan: PlanFile | DayPlanFile, into: Path) -> MadePlan:
-    """Write a plan under a name that says what is in it.
+    """Write a plan under a name derived from its content.
 
     Raises:
         SiteError: it cannot be written.
@@ -149,13 +149,13 @@ def keep_plan(plan: PlanFile | DayPlanFile, into: Path) -> MadePlan:
 
 
 def name_plan(content: bytes) -> str:
-    """Return what a plan's file is known by."""
+    """Return a plan's name, derived from its content."""
     return sha256(content).hexdigest()[:12]
 
 
 @lru_cache(maxsize=8)
 def read_kept_plan(path: Path) -> PlanFile | DayPlanFile:
-    """Return a plan that is kept: its name says what is in it, so it is read once.
+    """Return a stored plan; its name identifies its content, so it is read once.
 
     Raises:
         PlanFileError: it cannot be used.
@@ -164,7 +164,7 @@ def read_kept_plan(path: Path) -> PlanFile | DayPlanFile:
 
 
 def summarise_plans(paths: Sequence[Path]) -> dict[str, Mapping[str, Any]]:
-    """Return the summaries of plans that can be read, by their names."""
+    """Return the summaries of readable plans, by name."""
     found = dict[str, Mapping[str, Any]]()
     for path in paths:
         try:
@@ -175,7 +175,7 @@ def summarise_plans(paths: Sequence[Path]) -> dict[str, Mapping[str, Any]]:
 
 
 def is_stale(text: str, folder: Path, path: Path) -> bool:
-    """Return whether a site says something else now than when a plan was made for it."""
+    """Return whether a site has changed since a plan was made for it."""
     try:
         plan, ground = read_kept_plan(path), read_site_model(text, folder)
         if isinstance(plan, DayPlanFile):
@@ -188,7 +188,7 @@ def is_stale(text: str, folder: Path, path: Path) -> bool:
 
 
 def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
-    """Return all that the page shows of a plan.
+    """Return the page's full view of a plan.
 
     Raises:
         MissionsError: it cannot be used, or is another site's.
@@ -198,10 +198,10 @@ def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
 
 
 def prepare_answers(text: str, folder: Path, path: Path) -> None:
-    """Price a plan, and the site for changes of it, before somebody asks what a loss or a change would mean."""
+    """Price a plan, and the site for changes of it, ahead of the first question about a loss or a change."""
     plan = read_kept_plan(path)
     if isinstance(plan, DayPlanFile):
-        if len(plan.segments) <= TABLES_UP_TO:  # of more all moves are gigabytes: only if somebody asks
+        if len(plan.segments) <= TABLES_UP_TO:  # beyond, the move table takes gigabytes: only on request
             day_plans.preview_day_loss(plan, plan.names[0], 0.0, seed=1, priced=_price_days(path))
         return
     _build_task(path)
@@ -209,11 +209,11 @@ def prepare_answers(text: str, folder: Path, path: Path) -> None:
 
 
 def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> dict[str, Any]:
-    """Return what the others would fly if a vehicle of a plan were lost at a time.
+    """Return the survivors' routes if a vehicle of a plan were lost at a time.
 
     Raises:
         MissionsError: the plan cannot be used, or has no such vehicle.
-        PlannerError: nobody is left.
+        PlannerError: no vehicle is left.
         ExecutorError: the site cannot be used.
     """
     plan, ground = read_kept_plan(path), read_site_model(text, folder)
@@ -241,7 +241,7 @@ def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> 
 
 
 def _join_routes(plan: PlanFile, content: PlanFile, left: Sequence[FreeVehicle]) -> Iterator[plan_view.Sortie]:
-    """Yield what each survivor flies: what stands of its route with what is new, or both if it has landed between."""
+    """Yield each survivor's flight: its old route's rest joined with the new one, or both if it landed in between."""
     ids = [segment.id for segment in plan.segments]
 
     def to_network(visits: Iterable[int]) -> tuple[int, ...]:
@@ -293,11 +293,11 @@ class Change:
 
 
 def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Change], into: Path) -> dict[str, Any]:
-    """Change a plan by hand, check and price it; it is kept, whatever it violates.
+    """Change a plan by hand, check and price it; it is stored even with violations.
 
     Raises:
         MissionsError: the plan cannot be used.
-        ExecutorError: the site cannot be used, or a change is of something that is not there.
+        ExecutorError: the site cannot be used, or a change names a missing segment or vehicle.
     """
     plan, ground = _read_flight(path), read_site_model(text, folder)
     dropped = frozenset(one.segment for one in changes if one.vehicle == "")
@@ -339,7 +339,7 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
 
 
 def _find_broken_locks(ground: SiteModel, routes: Mapping[str, Sequence[int]]) -> Iterator[str]:
-    """Yield which locks of a site are broken by visits of its network, by the vehicle's name."""
+    """Yield the locks of a site that visits of its network break, by vehicle name."""
     for name, visits in routes.items():
         for visit in visits:
             segment, keeper = segment_of(visit), ground.locked.get(segment_of(visit))
@@ -357,7 +357,7 @@ def _check_camera(change: Change, ground: SiteModel) -> None:
 
 @lru_cache(maxsize=2)
 def _build_site_task(site: SiteKey, path: Path, dropped: frozenset[int]) -> missions.Task:
-    """Return the problem of a plan, as the site is now, without what nobody shall fly: that is not left over."""
+    """Return a plan's problem for the present site, without dropped segments: those are not left over."""
     plan, ground = _read_flight(path), read_site_model(site[0], site[1])
     site_planning.check_plan_belongs(plan, ground, "the plan")
     kept = [segment.id for segment in plan.segments if segment.id not in dropped]
@@ -381,7 +381,7 @@ def _apply_change(change: Change, plan: PlanFile, task: missions.Task, routes: d
     if goes is None:
         raise SiteError(f"changes: vehicle: expected one for segment {change.segment}, which nobody flies")
     position, turned = change.position, change.reversed
-    if goes == had and before is not None:  # it stays with who has it: what is not said stays, too
+    if goes == had and before is not None:  # same vehicle: unset fields keep their values
         position = was if position is None else position
         turned = is_reversed(before) if turned is None else turned
     visits, row = routes[goes], plan.names.index(goes)

@@ -1,4 +1,4 @@
-"""Plans of the open site, and the single job that makes new ones."""
+"""Manage the plans of the open site, and the single job that makes new ones."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ JobState = Literal["running", "done", "cancelled", "failed"]
 
 @dataclass(frozen=True, slots=True)
 class SiteNow:
-    """The site that something is asked about."""
+    """Present site, as the subject of a question."""
 
     text: str
     folder: Path
     facts: str
     """Fingerprint of everything that a plan depends on."""
     plans: PlanStore
-    """Its plans."""
+    """Plans of the site."""
 
 
 class Superseded(ExecutorError):
-    """A newer question came: nobody looks at this answer any more."""
+    """Raised when a newer question has replaced this one."""
 
 
 @dataclass
 class Job:
-    """A search for plans."""
+    """Search for plans."""
 
     number: int
     kind: str
@@ -54,18 +54,18 @@ class Job:
     error: str | None = None
     plans: Sequence[str] = ()
     first: tuple[float, float] | None = None
-    """First cost with the fewest segments left out, and when it was found."""
+    """Cost of the first plan with the fewest segments left out, and the time when it was found."""
     value: float | None = None
     uncovered: int | None = None
     improved_s: float | None = None
 
     @property
     def elapsed_s(self) -> float:
-        """How long it has taken."""
+        """Elapsed time."""
         return (time.monotonic() if self.ended_s is None else self.ended_s) - self.began_s
 
     def take_progress(self, value: float, uncovered: int) -> None:
-        """Take what the search has found so far; without a plan its value has no end."""
+        """Take the search's progress; without a plan its value is infinite."""
         if not math.isfinite(value):
             return
         if self.first is None or self.uncovered is None or uncovered < self.uncovered:
@@ -75,7 +75,7 @@ class Job:
         self.value, self.uncovered = value, uncovered
 
     def describe(self) -> dict[str, Any]:
-        """Return it as the page gets it."""
+        """Return the job for the page."""
         first, since_s = self.first or (None, None)
         better = None if not first or self.value is None else 100.0 * (first - self.value) / abs(first)
         return {
@@ -89,10 +89,10 @@ class Job:
 
 
 class Planning:
-    """Plans and jobs; lives on the server's event loop."""
+    """Plans and jobs; runs on the server's event loop."""
 
     def __init__(self, changed: Callable[[], None], answers: Worker) -> None:
-        """Begin with nothing; `changed` is called when the stream has something to say, `answers` reads the site."""
+        """Start empty; `changed` is called when the event stream has news, `answers` reads the site."""
         self.answers, self.planner = answers, Worker("planning")
         self.store: PlanStore | None = None
         self.job: Job | None = None
@@ -107,10 +107,10 @@ class Planning:
         """Plan and site fingerprint for which answers were last prepared."""
 
     async def warm_up(self) -> None:
-        """Load what plans and answers need, in both processes."""
-        await self.answers.run(abs, 0)  # the site that was opened is read first, with all processors
-        await self.planner.run(plan_work.load_planner)  # it alone compiles what is new on this computer
-        await self.answers.run(plan_work.load_planner)  # a network that is dropped meanwhile went ahead
+        """Load the kernels for plans and answers, in both processes."""
+        await self.answers.run(abs, 0)  # the opened site is read first, with all processors
+        await self.planner.run(plan_work.load_planner)  # this one alone compiles what is new on this computer
+        await self.answers.run(plan_work.load_planner)  # a network dropped onto the page meanwhile went first
         self.warm = True
         self._changed()
 
@@ -121,7 +121,7 @@ class Planning:
         return self.store
 
     async def refresh(self, now: SiteNow) -> None:
-        """Find the plans there are, and whether the chosen one is as the site has it now."""
+        """Find the stored plans, and whether the chosen one fits the present site."""
         store = now.plans
         kept = await asyncio.to_thread(store.list_new)
         if kept:
@@ -134,7 +134,7 @@ class Planning:
                 await asyncio.to_thread(store.keep_facts)
 
     async def prepare(self, now: SiteNow) -> None:
-        """Prepare answers about the chosen plan before somebody asks for them."""
+        """Prepare answers about the chosen plan ahead of the first question."""
         store = now.plans
         if store.chosen not in store.summaries or self._prepared == (store.chosen, now.facts):
             return
@@ -142,7 +142,7 @@ class Planning:
         await self.answers.run(plan_work.prepare_answers, now.text, now.folder, store.path_of(store.chosen))
 
     async def look(self) -> None:
-        """Take up a chosen plan that another program has written."""
+        """Take a chosen plan that another program has written."""
         store = self.store
         path = None if store is None else await asyncio.to_thread(store.take_chosen)
         if store is not None and path is not None:
@@ -150,10 +150,10 @@ class Planning:
             self._changed()
 
     def start(self, now: SiteNow, wish: plan_work.PlanSettings, after: Path | None = None) -> Job:
-        """Begin to plan; with `after`, a run directory, what its flight left.
+        """Start a planning job; with `after`, a run directory, for the segments left over by its flight.
 
         Raises:
-            SiteError: something is planned already.
+            SiteError: another job is running.
         """
         if self.job is not None and self.job.state == "running":
             raise SiteError("expected nothing to be planned already; cancel it first")
@@ -165,7 +165,7 @@ class Planning:
         return self.job
 
     async def cancel(self, number: str) -> None:
-        """End a job; what it has found is dropped."""
+        """Cancel a job; its results are dropped."""
         job = self.job
         if job is None or str(job.number) != number or job.state != "running" or self._task is None:
             return
@@ -176,13 +176,13 @@ class Planning:
             await asyncio.wait({self._task}, timeout=ENDS_S)
 
     def tick(self) -> None:
-        """Look how far the job is."""
+        """Check the progress of the job."""
         job, progress = self.job, self.planner.progress
         if job is not None and progress.job == job.number:
             job.take_progress(progress.value, progress.uncovered)
 
     async def show(self, now: SiteNow, name: str) -> dict[str, Any]:
-        """Return all that the page shows of a plan.
+        """Return the page's full view of a plan.
 
         Raises:
             ExecutorError: there is no such plan, or the site cannot be used.
@@ -192,13 +192,13 @@ class Planning:
         return {"summary": now.plans.describe(name, now.facts), **shown}
 
     async def preview_loss(self, now: SiteNow, name: str, vehicle: str, at_s: float) -> dict[str, Any]:
-        """Return what the others would fly if a vehicle were lost.
+        """Return the survivors' routes if a vehicle were lost.
 
         Raises:
-            Superseded: somebody asked something newer meanwhile.
+            Superseded: a newer question arrived meanwhile.
             ExecutorError: there is no such plan, or the site cannot be used.
             MissionsError: the plan has no such vehicle.
-            PlannerError: nobody is left.
+            PlannerError: no vehicle is left.
         """
         path = now.plans.path_of(name)
         self._asked += 1
@@ -212,10 +212,10 @@ class Planning:
     async def change(
         self, now: SiteNow, name: str, changes: Sequence[plan_work.Change], *, keep: bool
     ) -> dict[str, Any]:
-        """Change a plan by hand; the result is a plan like others, and with `keep` the chosen one.
+        """Change a plan by hand; the result is stored as a new plan, and with `keep` it becomes the chosen one.
 
         Raises:
-            ExecutorError: there is no such plan, or a change is of something that is not there.
+            ExecutorError: there is no such plan, or a change names a missing segment or vehicle.
             MissionsError: the plan is another site's.
         """
         store = now.plans
@@ -229,7 +229,7 @@ class Planning:
         return {**found, "plan": {"summary": store.describe(made.id, now.facts), **found["plan"]}}
 
     async def choose(self, now: SiteNow, name: str) -> None:
-        """Make a plan the one that is flown.
+        """Make a plan the one to fly.
 
         Raises:
             SiteError: there is none of this name, or its file cannot be written.
@@ -247,7 +247,7 @@ class Planning:
         await asyncio.gather(*(asyncio.to_thread(one.close) for one in (self.answers, self.planner)))
 
     def describe(self, facts: str) -> Mapping[str, Any]:
-        """Return the plans and the job as the page gets them."""
+        """Return the plans and the job for the page."""
         store = self.store
         return {
             "plans": [] if store is None else [store.describe(name, facts) for name in reversed(store.summaries)],
@@ -277,5 +277,5 @@ class Planning:
         finally:
             job.ended_s = time.monotonic()
             self._changed()
-        with suppress(*OURS):  # what is asked next says what is wrong
+        with suppress(*OURS):  # the next question reports the error
             await self.prepare(now)

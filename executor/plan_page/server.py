@@ -1,4 +1,4 @@
-"""Server of the plan page: the flight page's access rules, in front of a workspace."""
+"""Serve the plan page: the flight page's access rules, in front of a workspace."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from executor.site.mqtt_and_web_keys import WebTable
 from executor.supervised import run_beside
 
 MOST_EDIT_BYTES = 4_000_000
-"""Most bytes of one request of edits; an area has many corners."""
+"""Most bytes of one request of edits; an area may have many corners."""
 PERIOD_S = 0.2
 """Real seconds between two progress reports of a job."""
 
 
 class PlanServer(PageServer):
-    """Serves one workspace; a context manager."""
+    """Server of one workspace; a context manager."""
 
     def __init__(
         self,
@@ -41,12 +41,12 @@ class PlanServer(PageServer):
         """Prepare a server.
 
         Args:
-            table: Where it listens.
-            token: What browsers must show; None where only this computer can connect.
-            root: The folder that files may be opened below.
-            store: The site that is open at once; nothing if not given.
-            on_error: Told of mistakes.
-            reader: What reads the site; a new process if not given. It is ended with the server.
+            table: Address to listen on.
+            token: Token that browsers must show; None if only this computer can connect.
+            root: Folder; only files below it may be opened.
+            store: Site to open at once; none by default.
+            on_error: Called with internal errors.
+            reader: Worker that reads the site; a new process by default. It is ended with the server.
         """
         super().__init__(WebSettings(table.host, table.port, token, frozenset(table.names)), on_error)
         self._root, self._store, self._reader = root, store, reader
@@ -65,7 +65,7 @@ class PlanServer(PageServer):
         return super().__enter__()
 
     def build_app(self) -> ASGIApp:
-        """Return the application, with a workspace of its own: a loop that begins anew goes on with the site."""
+        """Return the application, with a new workspace: a restarted event loop continues with the same site."""
         if self._workspace is not None:
             self._store = self._workspace.store
             self._workspace.planning.kill()
@@ -77,7 +77,7 @@ class PlanServer(PageServer):
         return Guard(api, self._names, self._settings.token, _limit_body, refuse)
 
     async def _keep_newest(self) -> None:
-        """Say what is new as soon as it is."""
+        """Send news as soon as there is any."""
         workspace = self._workspace
         if workspace is None:
             return
@@ -102,7 +102,7 @@ class PlanServer(PageServer):
 
 
 def _limit_body(path: str) -> int:
-    """Return how many bytes the body of a request may have."""
+    """Return the most bytes of a request's body."""
     if path == "/api/upload":
         return site_files.MOST_UPLOAD
     return MOST_EDIT_BYTES if path == "/api/edits" else MOST_BODY

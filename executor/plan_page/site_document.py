@@ -1,9 +1,9 @@
-"""Edits of a site file as text: what is not edited stays as it was written, comments, order and blank lines.
+"""Edit a site file as text: unedited parts keep their wording, comments, order and blank lines.
 
-A file is cut into blocks, each a table's header with the comments above it and what follows. Tables come and go as
-blocks; keys within one are edited by tomlkit, which sees that block alone: of a whole file it would bring together
-tables of one array that stand apart, and move their comments. Every edit is done to the values as well, and what the
-new text says is held against that.
+A file is cut into blocks, each a table's header with the comments above it and the lines after it. Tables are added and
+removed as blocks; keys within one are edited by tomlkit, on that block alone: on a whole file it would merge separated
+tables of one array, and move their comments. Every edit is applied to the values as well, and the new text is checked
+against them.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ DEEPEST = 12
 
 
 class EditRefused(SiteError):
-    """An edit that cannot be done."""
+    """Edit that cannot be done."""
 
     def __init__(self, path: Path, reason: str) -> None:
-        """Say where and why."""
+        """Set the path and the reason."""
         super().__init__(f"{format_path(path)}: {reason}")
         self.path = path
 
@@ -57,7 +57,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """A table's header, the comments right above it, and all lines up to the next one's."""
+    """Table header, the comments right above it, and all lines up to the next block."""
 
     path: Path
     """Path of the table, with the index of an array element."""
@@ -67,7 +67,7 @@ class _Block:
 
 
 def format_path(path: Sequence[str | int]) -> str:
-    """Return a path as the command line writes it.
+    """Return a path in the command line's notation.
 
     >>> format_path(("vehicle", 0, "budget_pct"))
     'vehicle[0].budget_pct'
@@ -76,11 +76,11 @@ def format_path(path: Sequence[str | int]) -> str:
 
 
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
-    """Return a site file after some edits.
+    """Return a site file after edits.
 
     Raises:
         SiteError: it is not TOML.
-        EditRefused: an edit cannot be done; then none is.
+        EditRefused: an edit cannot be done; then none is applied.
     """
     values = parse_toml(text)
     for edit in edits:
@@ -102,7 +102,7 @@ def apply_edits(text: str, edits: Iterable[Edit]) -> str:
 def _edit_values(
     values: dict[str, Any], path: Path, edit: Edit, make: Callable[[Any], Any] = lambda value: value
 ) -> None:
-    """Do an edit at a path: to plain values, or to tomlkit's, for which `make` makes what is put in."""
+    """Apply an edit at a path: to plain values, or to tomlkit's, for which `make` converts inserted values."""
     *way, last = path
     at: Any = values
     for number, part in enumerate(way):
@@ -124,7 +124,7 @@ def _edit_values(
     else:
         _step_down(at, last, path)
         del at[int(last)]
-        if not at:  # TOML has no empty array of tables, and a key without a value stands for its default
+        if not at:  # TOML has no empty array of tables, and a missing key means its default
             _drop(values, tuple(way))
 
 
@@ -150,7 +150,7 @@ def _list_plain(value: object) -> Iterator[object]:
         yield value
 
 
-def _step_down(at: Any, part: str | int, path: Path) -> Any:  # noqa: ANN401 - whatever a file says
+def _step_down(at: Any, part: str | int, path: Path) -> Any:  # noqa: ANN401 - any value of a file
     if isinstance(at, list) and isinstance(part, int) and 0 <= part < len(at):
         return at[part]
     if isinstance(at, dict) and isinstance(part, str) and part in at:
@@ -172,15 +172,15 @@ def _set_value(at: Any, last: str | int, edit: Edit, make: Callable[[Any], Any])
     at[last] = make(edit.value)
     now = at[last]
     if isinstance(before, Item) and isinstance(now, Item) and before.trivia.comment:
-        # The comment behind it stays where it was, if there is room.
+        # The trailing comment keeps its column, if there is room.
         longer = len(now.as_string()) - len(before.as_string())
         space = before.trivia.comment_ws
         now.trivia.comment_ws = " " * max(1, len(space) - longer) if set(space) == {" "} else space
         now.trivia.comment = before.trivia.comment
 
 
-def _prune(value: Any) -> Any:  # noqa: ANN401 - whatever a file says
-    """Return values without empty tables: one that stands in the headers of others alone goes with the last of them."""
+def _prune(value: Any) -> Any:  # noqa: ANN401 - any value of a file
+    """Return values without empty tables: a table implied by its subtables' headers is removed with the last one."""
     if not isinstance(value, dict):
         return value
     kept = {key: _prune(one) for key, one in value.items()}
@@ -211,7 +211,7 @@ def _edit_text(text: str, edit: Edit) -> str:
         case "unset" | "remove":
             blocks = _edit_block(blocks, edit, newline)
         case "set" if own and not _is_table(edit.value):
-            # A table, or a list of tables, becomes something else: its blocks make room for it.
+            # A table, or a list of tables, becomes another kind of value: its blocks are removed first.
             blocks = _edit_block(_remove_blocks(blocks, own), edit, newline)
         case "set" if _is_table(edit.value) and (own or not _is_in_block(blocks, edit.path)):
             place = own[0] if own else _find_end(blocks, edit.path[:-1])
@@ -233,7 +233,7 @@ _HEADER = re.compile(r"[ \t]*\[")
 
 
 def _cut_blocks(text: str) -> list[_Block]:
-    """Return the blocks of a text that is TOML; the first one has no header."""
+    """Return the blocks of a TOML text; the first one has no header."""
     starts, depth, fresh = list[int](), 0, True
     for token in _TOKEN.finditer(text):
         if fresh and _HEADER.match(text, token.start()):
@@ -252,7 +252,7 @@ def _cut_blocks(text: str) -> list[_Block]:
 
 
 def _find_comments(text: str, start: int) -> int:
-    """Return where the comments right above a header begin; those that begin the file are the file's."""
+    """Return the start of the comments right above a header; comments at the top of the file belong to the file."""
     at = start
     while at > 0:
         line = text.rfind("\n", 0, at - 1) + 1
@@ -263,7 +263,7 @@ def _find_comments(text: str, start: int) -> int:
 
 
 def _place_header(header: str, counts: dict[Path, int]) -> Path:
-    """Return the path of a header's table, with the numbers of the elements that it is in."""
+    """Return the path of a header's table, with indices of array elements."""
     at: Any = tomllib.loads(header)
     keys: list[str] = []
     while at:
@@ -281,31 +281,31 @@ def _place_header(header: str, counts: dict[Path, int]) -> Path:
 
 
 def _is_table(value: object) -> bool:
-    """Return whether a value is written as tables of its own."""
+    """Return whether a value is written as separate tables."""
     return isinstance(value, Mapping) or (
         isinstance(value, list | tuple) and bool(value) and all(isinstance(one, Mapping) for one in value)
     )
 
 
 def _find_owner(blocks: Sequence[_Block], path: Path) -> int:
-    """Return in which block a key stands, or would: that of the table nearest above it."""
+    """Return the index of the block for a key: the block of its nearest parent table."""
     above = [number for number, block in enumerate(blocks) if block.path == path[: len(block.path)] != path]
     return max(above, key=lambda number: len(blocks[number].path))
 
 
 def _is_in_block(blocks: Sequence[_Block], path: Path) -> bool:
-    """Return whether something of a path is written within a block, such as an inline table."""
+    """Return whether part of a path is written inside a block, such as in an inline table."""
     owner = blocks[_find_owner(blocks, path)]
     return path[len(owner.path)] in tomllib.loads(owner.body)
 
 
 def _find_end(blocks: Sequence[_Block], path: Path) -> int:
-    """Return the place after the last block of a table."""
+    """Return the index after the last block of a table."""
     return max((at + 1 for at, block in enumerate(blocks) if block.path[: len(path)] == path), default=len(blocks))
 
 
 def _find_element(blocks: Sequence[_Block], edit: Edit) -> int:
-    """Return before which block the new element of an array of tables goes."""
+    """Return the block index at which to insert a new element of an array of tables."""
     depth = len(edit.path)
     elements = [at for at, block in enumerate(blocks) if block.path[:depth] == edit.path and len(block.path) > depth]
     if not elements:
@@ -315,7 +315,7 @@ def _find_element(blocks: Sequence[_Block], edit: Edit) -> int:
     return next((at for at in elements if blocks[at].path[depth] == edit.at), elements[-1] + 1)
 
 
-def _make_blocks(path: Path, value: Any) -> list[_Block]:  # noqa: ANN401 - whatever was sent
+def _make_blocks(path: Path, value: Any) -> list[_Block]:  # noqa: ANN401 - any value sent
     """Return the blocks of a new table, or of a list of them."""
     if not isinstance(value, Mapping):
         return [block for number, one in enumerate(value) for block in _make_blocks((*path, number), one)]
@@ -338,7 +338,7 @@ def _write_value(value: object) -> str:
 
 
 def _insert_blocks(blocks: list[_Block], place: int, made: list[_Block], newline: str) -> list[_Block]:
-    """Put blocks in before another one, a blank line around each."""
+    """Insert blocks before another one, with a blank line around each."""
     before, after = blocks[:place], blocks[place:]
     if before and (before[-1].head or before[-1].body):
         body = before[-1].body
@@ -359,7 +359,7 @@ def _remove_blocks(blocks: list[_Block], own: Sequence[int]) -> list[_Block]:
 
 
 def _edit_block(blocks: list[_Block], edit: Edit, newline: str) -> list[_Block]:
-    """Edit a key within its block; where its table is missing, make that."""
+    """Edit a key within its block; add the table if it is missing."""
     number = _find_owner(blocks, edit.path)
     owner = blocks[number]
     rest = edit.path[len(owner.path) :]
@@ -372,7 +372,7 @@ def _edit_block(blocks: list[_Block], edit: Edit, newline: str) -> list[_Block]:
     document = tomlkit.parse(owner.body)
     _edit_values(document, rest, edit, _make_item)
     body = tomlkit.dumps(document)
-    # What follows a block begins on a line of its own.
+    # The text after a block starts on a new line.
     body += "" if not body or body.endswith("\n") else "\n"
     return [*blocks[:number], replace(owner, body=body), *blocks[number + 1 :]]
 

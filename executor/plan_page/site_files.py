@@ -1,4 +1,4 @@
-"""Files of the page's folder: list what can be opened, receive uploads, and write a new site for a network."""
+"""Manage the page's folder: list files to open, receive uploads, and write a new site for a network."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def find_inside(root: Path, name: str) -> Path:
     """Return a file below a folder.
 
     Raises:
-        SiteError: it lies elsewhere, also by a link, or there is none.
+        SiteError: it lies elsewhere, also by a symbolic link, or does not exist.
     """
     if "\0" in name:
         raise SiteError("path: expected a file's name")
@@ -50,7 +50,7 @@ def find_inside(root: Path, name: str) -> Path:
 
 
 def find_kind(path: Path) -> FileKind:
-    """Return what a file is opened as, by its name, and where that says nothing by how it begins."""
+    """Return the kind of a file by its name, or if unclear by its first bytes."""
     if path.suffix.lower() == ".toml":
         return "site"
     if path.suffix.lower() == ".json":
@@ -62,7 +62,7 @@ def find_kind(path: Path) -> FileKind:
 
 
 def list_files(root: Path) -> Iterator[tuple[str, FileKind]]:
-    """Yield what could be opened in a folder and those right below it, each with its kind."""
+    """Yield the files that could be opened in a folder and its direct subfolders, each with its kind."""
     count = 0
     for folder, below, names in os.walk(root):
         here = Path(folder)
@@ -81,7 +81,7 @@ def check_upload_name(name: str) -> str:
     """Return the name of an uploaded file.
 
     Raises:
-        SiteError: it is none, or would be a path.
+        SiteError: it is no file name, or would be a path.
     """
     plain = name == PurePath(name).name and "\\" not in name and name.isprintable() and len(name) <= MOST_NAME
     if not plain or not name or name.startswith(".") or name.endswith((".toml", ".part")):
@@ -92,7 +92,7 @@ def check_upload_name(name: str) -> str:
 
 
 async def receive_file(folder: Path, name: str, content: AsyncIterator[bytes]) -> Path:
-    """Write an uploaded file as it comes, under its name or, where that is taken, one like it.
+    """Write an uploaded file as it arrives, under its name or, if that is taken, a similar one.
 
     Raises:
         SiteError: it is too long, or cannot be written.
@@ -117,7 +117,7 @@ async def receive_file(folder: Path, name: str, content: AsyncIterator[bytes]) -
 
 
 def remove_drafts(folder: Path) -> None:
-    """Remove what a server that was killed had not received whole; what another one is receiving stays."""
+    """Remove partial uploads of a server that was killed; those of another running server stay."""
     for draft in folder.glob(f".*{DRAFT}"):
         with suppress(OSError, ImportError), draft.open("rb") as file:
             _hold(file)
@@ -129,7 +129,7 @@ def _draft_of(path: Path) -> Path:
 
 
 def _hold(file: BinaryIO) -> None:
-    """Lock an open file for this process; the lock ends with it.
+    """Lock an open file for this process; closing the file unlocks it.
 
     Raises:
         BlockingIOError: another process holds it.
@@ -143,7 +143,7 @@ def _hold(file: BinaryIO) -> None:
 
 
 def find_free_name(path: Path) -> Path:
-    """Return a name that no file has: the wished one, or one with a number."""
+    """Return an unused name: the requested one, or one with a number."""
     number, free = 1, path
     while free.exists() or _draft_of(free).exists():
         number += 1
@@ -152,7 +152,7 @@ def find_free_name(path: Path) -> Path:
 
 
 def make_site(folder: Path, network: Path | None) -> Path:
-    """Write a site file for a network, as `init` does; None for the network that comes with faultline.
+    """Write a site file for a network, as `init` does; None for the bundled network.
 
     Raises:
         NetworkError: the network cannot be used.
@@ -174,7 +174,7 @@ def make_site(folder: Path, network: Path | None) -> Path:
 
 
 def find_site_of_plan(plan: Path) -> Path:
-    """Return the site file beside a plan.
+    """Return the site file next to a plan.
 
     Raises:
         SiteError: there is none, or more than one.

@@ -1,7 +1,7 @@
-"""What was done to a site file, step by step: undo and redo, and the record of it that a killed server leaves.
+"""Keep the history of a site file: undo and redo, and the record of it that survives a killed server.
 
-The record is a file of lines, each added before the site file itself is written: what it says last is what the site
-file says, or will say as soon as it can be written.
+The record is a file of lines, each added before the site file itself is written: its last state is that of the site
+file, or will be as soon as that can be written.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """A site file, and how it came to be."""
+    """Site file and its edits."""
 
     base: str
     """Text before the first step."""
@@ -41,26 +41,26 @@ class History:
 
     @property
     def text(self) -> str:
-        """What the site file says."""
+        """Present text of the site file."""
         return self.steps[self.done - 1].text if self.done else self.base
 
     @property
     def texts(self) -> frozenset[str]:
-        """All that it has said."""
+        """All texts in the history."""
         return frozenset((self.base, *(step.text for step in self.steps)))
 
     @property
     def undo_label(self) -> str | None:
-        """What would be undone."""
+        """Label of the step that undo would revert."""
         return self.steps[self.done - 1].label if self.done else None
 
     @property
     def redo_label(self) -> str | None:
-        """What would be done again."""
+        """Label of the step that redo would repeat."""
         return self.steps[self.done].label if self.done < len(self.steps) else None
 
     def edit(self, label: str, edits: Sequence[Edit]) -> History:
-        """Return the history with one more step; what was undone is forgotten.
+        """Return the history with one more step; undone steps are dropped.
 
         Raises:
             SiteError: the file is not TOML.
@@ -69,15 +69,15 @@ class History:
         return self._add(Step(label, tuple(edits), apply_edits(self.text, edits)))
 
     def overwrite(self, label: str, text: str) -> History:
-        """Return the history with a step in which somebody else has written the whole file."""
+        """Return the history with a step in which another program has written the whole file."""
         return self._add(Step(label, None, text))
 
     def undo(self) -> History:
-        """Return the history with one step less done; the same where nothing is done."""
+        """Return the history with one more step undone; unchanged if there is none."""
         return replace(self, done=max(0, self.done - 1))
 
     def redo(self) -> History:
-        """Return the history with one step more done; the same where nothing is undone."""
+        """Return the history with one more step redone; unchanged if there is none."""
         return replace(self, done=min(len(self.steps), self.done + 1))
 
     def _add(self, step: Step) -> History:
@@ -121,9 +121,9 @@ def write_lines(history: History) -> bytes:
 
 
 def read_lines(record: bytes) -> tuple[History, bool] | None:
-    """Return the history of a record, and whether the site file was written after its last change; None of no use.
+    """Return the history of a record, and whether the site file was written after its last change; None if unusable.
 
-    The last line may be torn: the server was killed while it wrote it, and had not yet promised anything.
+    The last line may be torn: the server was killed while it wrote it, and had not confirmed it to a client yet.
     """
     history, saved = None, True
     for line in record.split(b"\n")[:-1]:

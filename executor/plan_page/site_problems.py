@@ -1,4 +1,4 @@
-"""Problems of a site, each at its key, in the words of the command line."""
+"""List the problems of a site, each at its key, in the wording of the command line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from missions.validation import format_error
 
 
 class SiteProblem(TypedDict):
-    """One matter."""
+    """One problem."""
 
     path: list[str | int] | None
     """Key of the site file, if known."""
@@ -33,7 +33,7 @@ _ABOUT: Mapping[type[Exception], list[str | int]] = {
 
 
 def check_text(text: str) -> tuple[dict[str, Any], Site | None, list[SiteProblem]]:
-    """Return what a site file says, the site if it can be used, and what is wrong with it."""
+    """Return the values of a site file, the site if it can be used, and its problems."""
     try:
         values = parse_toml(text)
         return values, Site.model_validate(values), []
@@ -50,14 +50,14 @@ def _list_problems(error: ValidationError, values: Mapping[str, Any]) -> Iterato
     for one in found:
         inside = any(other["loc"][: len(one["loc"])] == one["loc"] != other["loc"] for other in found)
         if one["type"] == "too_short" and inside:
-            continue  # of those that are there none can be used, which is said of each
+            continue  # none of the given ones can be used, which each one's own problem reports
         place, message = split_place(format_error(one, page=PAGE))
         known = list(one["loc"]) if place is None else place
         yield SiteProblem(path=_cut_to_values(known, values), message=message)
 
 
 def _cut_to_values(path: Sequence[str | int], values: Mapping[str, Any]) -> list[str | int]:
-    """Return a path as far as the file has it, and one key more: what follows are the kinds that a value may have."""
+    """Return a path as far as the file has it, plus one key: the rest are alternative types of a value."""
     at: Any = values
     for number, part in enumerate(path):
         is_there = part in at if isinstance(at, dict) else isinstance(at, list) and part in range(len(at))
@@ -69,7 +69,7 @@ def _cut_to_values(path: Sequence[str | int], values: Mapping[str, Any]) -> list
 
 
 def split_place(words: str) -> tuple[list[str | int] | None, str]:
-    """Return the key that a line begins with, and the rest; None and the line where it begins with none.
+    """Return the key at the start of a line, and the rest; None and the line if there is none.
 
     >>> split_place("inspection.speed_m_s: expected at most 15")
     (['inspection', 'speed_m_s'], 'expected at most 15')
@@ -104,7 +104,7 @@ def _list_keys() -> Mapping[str, frozenset[str]]:
 
 
 def describe_error(error: MissionsError | ExecutorError, values: Mapping[str, Any]) -> SiteProblem:
-    """Return what a site could not be read or planned for, at the key that it is about, if that is known."""
+    """Return an error in reading or planning a site as a problem, at its key if known."""
     path, message = split_place(str(error))
     if path is None:
         path = _find_file_key(error, message, values)

@@ -1,8 +1,8 @@
-"""The site file on disk: every change is kept at once, and whatever others write into it is read, not overwritten.
+"""Keep the site file on disk: every change is saved at once; changes by other programs are read, not overwritten.
 
-Beside the site lies a folder `.faultline` with the record of its changes. The record is written first, then the site
-file as a whole: a server that is killed in between has promised nothing that is not in one of them. Where neither can
-be written, the changes stay in memory, that is said, and the next look tries again.
+A folder `.faultline` next to the site holds the record of its changes. The record is written first, then the whole site
+file: whatever a killed server has confirmed is in one of them. If neither can be written, the changes stay in memory,
+the error is reported, and the next check tries again.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ WORK_FOLDER = ".faultline"
 BY_OTHERS = "a change in another program"
 
 Signature = tuple[int, int, int]
-"""Inode, size and time by which a file is recognised as the one that was written."""
+"""Inode, size and time, by which the file last written is recognised."""
 
 
 def work_folder_of(site: Path) -> Path:
-    """Return where a site's record and its plans are kept."""
+    """Return the folder of a site's record and plans."""
     return site.parent / WORK_FOLDER / site.name
 
 
 class SiteStore:
-    """One site file that is being edited; a context manager, used by one thread at a time."""
+    """A site file being edited; a context manager, used by one thread at a time."""
 
     def __init__(self, path: Path) -> None:
-        """Name the site file; entering reads it, and the record of its changes."""
+        """Set the site file; entering reads it, and the record of its changes."""
         self.path = path.absolute()
         self.folder = work_folder_of(self.path)
         self.history = History("")
@@ -53,11 +53,11 @@ class SiteStore:
 
     @property
     def saved(self) -> bool:
-        """Whether the site file says what the page shows."""
+        """Whether the site file matches the page."""
         return self._written == self.history.text and not self._waiting
 
     def __enter__(self) -> Self:
-        """Read the site, and its record; hold both.
+        """Read the site and its record; lock both.
 
         Raises:
             SiteError: the site file cannot be read.
@@ -65,7 +65,7 @@ class SiteStore:
         """
         text, self._seen = self._read()
         self._written = text
-        with suppress(OSError):  # said with the first change
+        with suppress(OSError):  # reported with the first change
             self.folder.mkdir(parents=True, exist_ok=True)
             self._lock()
         self.history = self._reconcile(text)
@@ -76,13 +76,13 @@ class SiteStore:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Try once more to save what is not saved, and let go."""
+        """Try once more to save, and unlock."""
         self.look()
         self._record = None
         self._stack.close()
 
     def edit(self, label: str, edits: Sequence[Edit]) -> None:
-        """Do some edits as one step.
+        """Apply edits as one step.
 
         Raises:
             SiteError: the file is not TOML.
@@ -96,18 +96,18 @@ class SiteStore:
             self._change(self.history.undo(), write_line("undo"))
 
     def redo(self) -> None:
-        """Do the step again that was undone last, if there is one."""
+        """Redo the last undone step, if there is one."""
         if self.history.redo_label is not None:
             self._change(self.history.redo(), write_line("redo"))
 
     def look(self) -> bool:
-        """Read what others wrote, try again to save; returns whether the site is another one now."""
+        """Read changes by other programs, and try again to save; return whether the site has changed."""
         before = self.history
         self.save()
         return self.history is not before
 
     def save(self) -> None:
-        """Write what is not yet on disk; what cannot be written stays in memory, and is said."""
+        """Write what is not yet on disk; on failure keep it in memory, and report the error."""
         try:
             self._take_foreign_change()
             self._write_record()
@@ -157,7 +157,7 @@ class SiteStore:
         return history.overwrite(BY_OTHERS, text)
 
     def _take_foreign_change(self) -> None:
-        """Read what others have written; what is not saved of ours is what undo leads back to."""
+        """Take another program's changes; undo leads back to our unsaved ones."""
         signature = _sign(self.path)
         if signature is None or signature == self._seen:
             return
@@ -183,7 +183,7 @@ class SiteStore:
             os.fsync(self._record.fileno())
         except OSError:
             with suppress(OSError):
-                self._record.truncate(end)  # a torn line would hide all that follow
+                self._record.truncate(end)  # a torn line would hide all later ones
             raise
         self._waiting.clear()
 

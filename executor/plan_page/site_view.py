@@ -1,4 +1,4 @@
-"""What was understood of a site, as the page shows it: the network, what lies around it, and what is wrong.
+"""Build the page's view of a site: its network, its surroundings, and its problems.
 
 All places are latitude and longitude. This runs in a worker: a network of thousands of spans takes seconds.
 """
@@ -39,7 +39,7 @@ MOST_FOOTPRINTS = 2000
 
 @dataclass(frozen=True, slots=True)
 class SiteView:
-    """What the page shows of a site."""
+    """View of a site for the page."""
 
     problems: list[SiteProblem]
     network: bytes | None = None
@@ -54,11 +54,11 @@ class SiteView:
 
 
 def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None]:
-    """Return what the page shows of a site, and the site, where it can be planned for.
+    """Return the page's view of a site, and the site if it can be planned.
 
     Args:
         text: The site file.
-        folder: What its paths are relative to.
+        folder: Folder that its paths are relative to.
     """
     values, site, problems = check_text(text)
     ground: SiteModel | None = None
@@ -88,7 +88,7 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
 
 
 def _name_files(problems: Sequence[SiteProblem], folder: Path) -> list[SiteProblem]:
-    """Return problems with the names of files as the site file has them."""
+    """Return problems with file names as in the site file."""
     return [SiteProblem(path=one["path"], message=one["message"].replace(f"{folder}{os.sep}", "")) for one in problems]
 
 
@@ -111,12 +111,12 @@ def _encode_background_once(ground: SiteModel, folder: Path) -> Mapping[str, byt
 
 
 def _import_network(values: Mapping[str, Any], folder: Path) -> tuple[missions.NetworkImport | None, list[SiteProblem]]:
-    """Return the network as far as its own tables can be used, whatever is wrong with the others."""
+    """Return the network if its own tables can be used, whatever is wrong with the others."""
     try:
         table = NetworkTable.model_validate(values.get("network"))
         depot = None if "depot" not in values else DepotTable.model_validate(values["depot"])
     except ValidationError:
-        return None, []  # said of the whole site
+        return None, []  # reported for the whole site
     try:
         return import_network_once(table, depot, folder), []
     except MissionsError as error:
@@ -124,7 +124,7 @@ def _import_network(values: Mapping[str, Any], folder: Path) -> tuple[missions.N
 
 
 def import_network_once(table: NetworkTable, depot: DepotTable | None, folder: Path) -> missions.NetworkImport:
-    """Return a site's network, whether its depot is known or not; read again only when it is another one.
+    """Return a site's network, with or without a known depot; read again only when it has changed.
 
     Raises:
         NetworkError: it cannot be used.
@@ -193,7 +193,7 @@ def _describe_ground(
 
 
 def _describe_site_areas(ground: SiteModel, folder: Path) -> Iterator[dict[str, object]]:
-    """Yield the areas of each table, as they are read."""
+    """Yield the areas of each table, as read."""
     for index, table in enumerate(ground.site.area):
         one = ground.site.model_copy(update={"area": (table,)})
         for area in site_parts.load_areas(one, folder, ground.network)[0]:
@@ -210,7 +210,7 @@ def _list_rings(area: Area, frame: LocalFrame) -> list[list[Place]]:
 
 
 def _describe_areas(values: Mapping[str, Any]) -> Iterator[dict[str, object]]:
-    """Yield the areas that stand in a site file that cannot be used yet, as they are written."""
+    """Yield the areas written in a site file that cannot be used yet."""
     for index, table in enumerate(values.get("area", ())):
         for key in ("polygon", "line"):
             ring = table.get(key) if isinstance(table, dict) else None
@@ -222,7 +222,7 @@ def _describe_areas(values: Mapping[str, Any]) -> Iterator[dict[str, object]]:
 
 
 def _describe_footprints(ground: SiteModel) -> Iterator[dict[str, object]]:
-    """Yield what one picture in the middle of each span shows, where its camera says so."""
+    """Yield the footprint of one picture in the middle of each span, if its camera is specified."""
     inspection, frame = ground.inspection, ground.setup.frame
     distance_m = math.hypot(inspection.standoff_m, inspection.height_m)
     for segment, looks in list(ground.setup.looks.spans.items())[:MOST_FOOTPRINTS]:
@@ -245,12 +245,12 @@ def _describe_footprints(ground: SiteModel) -> Iterator[dict[str, object]]:
 
 
 def to_place(frame: LocalFrame, at_m: Sequence[float]) -> Place:
-    """Return a place of local metres."""
+    """Return the latitude and longitude of a place in local metres."""
     return _round_place(frame.to_wgs84_deg(at_m[0], at_m[1]))
 
 
 def to_places(frame: LocalFrame, at_m: FloatArray) -> list[Place]:
-    """Return (n, 2) places of local metres."""
+    """Return the latitudes and longitudes of (n, 2) places in local metres."""
     return [_round_place((lat_deg, lon_deg)) for lat_deg, lon_deg in frame.many_to_wgs84_deg(at_m).tolist()]
 
 
@@ -259,7 +259,7 @@ def _round_place(place: Place) -> Place:
 
 
 def stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
-    """Return what changes when a file that a site names does."""
+    """Return a fingerprint of the files that a site names."""
     named: list[object] = []
     for table, key in (("network", "file"), ("terrain", "files"), ("map", "background"), ("area", "file")):
         tables = values.get(table)
@@ -277,7 +277,7 @@ _known: dict[SiteKey, SiteModel] = {}
 
 
 def read_site_view(text: str, folder: Path) -> SiteView:
-    """Return what the page shows of a site, and keep the site for what is asked next."""
+    """Return the page's view of a site, and cache the site for later questions."""
     key = find_site_key(text, folder)
     view, ground = understand_site(text, folder)
     _known.clear()
@@ -287,7 +287,7 @@ def read_site_view(text: str, folder: Path) -> SiteView:
 
 
 def find_site_key(text: str, folder: Path) -> SiteKey:
-    """Return what is another one whenever the site may be."""
+    """Return a key that changes whenever the site may have changed."""
     return text, folder, tuple(stamp_files(check_text(text)[0], folder))
 
 
@@ -295,7 +295,7 @@ def read_site_model(text: str, folder: Path) -> SiteModel:
     """Return a site to plan for.
 
     Raises:
-        SiteError: it cannot be used; the first of its problems.
+        SiteError: it cannot be used; reports the first of its problems.
     """
     key = find_site_key(text, folder)
     if key not in _known:

@@ -24,12 +24,12 @@ async def listen_for_vehicle(connection: str, sysid: int, autopilot: str) -> dic
     """Return whether a vehicle answers on a connection, and in words how.
 
     Args:
-        connection: As the site file has it.
-        sysid: The vehicle's.
-        autopilot: Its firmware, as the site file calls it.
+        connection: Connection in the form of the site file.
+        sysid: System id of the vehicle.
+        autopilot: Its firmware, by its name in site files.
 
     Raises:
-        ValueError: the connection is none.
+        ValueError: the connection is malformed.
     """
     link = parse_connection(connection)
     if link.scheme is Scheme.UDP_OUT:

@@ -20,12 +20,12 @@ T = TypeVar("T")
 
 
 class WorkCancelled(ExecutorError):
-    """Nobody waits for an answer any more."""
+    """Raised when an answer is no longer needed."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkProgress:
-    """How far the search of a worker is."""
+    """Progress of a worker's search."""
 
     job: int
     iterations: int
@@ -38,7 +38,7 @@ _shared: ctypes.Array[ctypes.c_double] | None = None
 
 
 def report_progress(job: int) -> Callable[[Progress], None]:
-    """Return how to say in a worker how far a job is; it raises `WorkCancelled` where that is asked for."""
+    """Return a callback that reports a job's progress; it raises `WorkCancelled` once the job is cancelled."""
 
     def report(progress: Progress) -> None:
         if _shared is None:
@@ -52,43 +52,43 @@ def report_progress(job: int) -> Callable[[Progress], None]:
 
 
 def _prepare(shared: ctypes.Array[ctypes.c_double]) -> None:
-    global _shared  # noqa: PLW0603 - a worker process holds exactly one, given when it starts
+    global _shared  # noqa: PLW0603 - a worker process holds exactly one, set at its start
     _shared = shared
     end_with_parent()
 
 
 def make_reader() -> Worker:
-    """Return what reads a site, and answers questions about its plans."""
+    """Return the worker that reads a site, and answers questions about its plans."""
     return Worker("reading the site")
 
 
 class Worker:
-    """One process, made when it is first asked, and anew if it died."""
+    """One process, started at the first call, and again if it died."""
 
     def __init__(self, name: str) -> None:
-        """Name it, for messages."""
+        """Set its name, for messages."""
         self._name = name
-        # Without a lock: a worker that is killed while it holds one would keep it.
+        # Without a lock: a worker killed while holding one would keep it.
         self._shared = SPAWNED.RawArray("d", [-1.0, 0.0, 0.0, 0.0, -1.0])
         self._worker = OneWorker(_prepare, self._shared)
         self._closed = False
 
     @property
     def progress(self) -> WorkProgress:
-        """How far it is; of the job that has said something last."""
+        """Progress of the job that last reported."""
         job, iterations, value, uncovered, _ = self._shared
         return WorkProgress(int(job), int(iterations), value, int(uncovered))
 
     def cancel(self, job: int) -> None:
-        """Have a job, and all before it, end at its next look."""
+        """Cancel a job, and all before it, at its next check."""
         self._shared[4] = max(self._shared[4], float(job))
 
     def submit(self, work: Callable[P, T], *words: P.args, **named: P.kwargs) -> Future[T]:
-        """Hand over some work; the first starts the process."""
+        """Submit work; the first call starts the process."""
         return self._worker.submit(work, *words, **named)
 
     async def run(self, work: Callable[P, T], *words: P.args, **named: P.kwargs) -> T:
-        """Do some work there.
+        """Run work in the process.
 
         Raises:
             ExecutorError: the process died; or as the work does.
@@ -97,7 +97,7 @@ class Worker:
             return await asyncio.wrap_future(self.submit(work, *words, **named))
         except BrokenProcessPool as error:
             if self._closed:
-                raise asyncio.CancelledError from error  # nobody waits any more
+                raise asyncio.CancelledError from error  # the caller no longer waits
             self.kill()
             raise ExecutorError(f"{self._name}: its process died; is there enough memory?") from error
 

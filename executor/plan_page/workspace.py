@@ -1,7 +1,7 @@
-"""What the page works on: one site, what was understood of it, its plans and the job under way.
+"""Hold the page's workspace: one site, its view, its plans and the running job.
 
-It lives on the server's event loop. The site file is read and written in a thread, the rest of the work is done by two
-processes: one plans, the other answers what is asked meanwhile.
+It runs on the server's event loop. The site file is read and written in a thread; the rest of the work is done by two
+processes: one plans, the other answers questions meanwhile.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ NOTHING = SiteView([])
 
 
 class StaleRevision(ExecutorError):
-    """A change of a site that is another one by now."""
+    """Raised for a change of a site that has changed meanwhile."""
 
 
 class Workspace:
-    """What the page works on."""
+    """Workspace of the page."""
 
     def __init__(self, root: Path, store: SiteStore | None = None, reader: Worker | None = None) -> None:
-        """Begin with a site that is entered, or with nothing.
+        """Start with an open site, or without one.
 
         Args:
-            root: The folder that files may be opened below.
+            root: Folder; only files below it may be opened.
             store: The site.
-            reader: What reads it; a new process if not given.
+            reader: Worker that reads it; a new process by default.
         """
         self.root = root.absolute()
         self.store = store
@@ -67,10 +67,10 @@ class Workspace:
         self._facts = ""
         self._take_change()
 
-    # What is there
+    # State
 
     def describe(self) -> dict[str, Any]:
-        """Return the workspace as the page gets it."""
+        """Return the workspace for the page."""
         store = self.store
         history = None if store is None else store.history
         fresh = self.checked == self.revision
@@ -95,7 +95,7 @@ class Workspace:
         }  # fmt: skip
 
     def describe_news(self) -> bytes:
-        """Return what the stream says: enough to know whether to ask for more."""
+        """Return the event stream's message: enough to tell whether to request more."""
         store = self.store
         self.planning.tick()
         plans = self.planning.describe(self._facts)
@@ -108,7 +108,7 @@ class Workspace:
 
     @property
     def now(self) -> SiteNow:
-        """The site that something is asked about.
+        """Present site, as the subject of a question.
 
         Raises:
             SiteError: none is open.
@@ -117,32 +117,32 @@ class Workspace:
         return SiteNow(store.history.text, store.path.parent, self._facts, self.planning.open(store.path))
 
     def expect_revision(self, revision: int) -> None:
-        """Go on only with what the page has seen.
+        """Check that the page has seen the present revision.
 
         Raises:
-            StaleRevision: the site is another one.
+            StaleRevision: the site has changed.
         """
         if revision != self.revision:
             raise StaleRevision("the site was changed elsewhere, in another tab or program; here is what it is now")
 
     def name_file(self, path: Path) -> str:
-        """Return what people call a file: its path from the folder of this page."""
+        """Return a file's path relative to the folder of this page."""
         with suppress(ValueError):
             return path.resolve().relative_to(self.root.resolve()).as_posix()
         return str(path)
 
     @property
     def folder(self) -> Path:
-        """Where the site file is, or would be."""
+        """Folder of the site file, whether it exists yet or not."""
         return self.root if self.store is None else self.store.path.parent
 
-    # What is done
+    # Actions
 
     async def open_file(self, path: Path | None) -> None:
-        """Open a site; for a network make one, None for the network that comes along; for a plan open that beside it.
+        """Open a site; for a network make one, None for the bundled network; for a plan open the site next to it.
 
         Raises:
-            ExecutorError: it cannot be opened; what was open before stays so.
+            ExecutorError: it cannot be opened; the previous site stays open.
             MissionsError: a network that cannot be used.
         """
         kind = "network" if path is None else await asyncio.to_thread(site_files.find_kind, path)
@@ -163,11 +163,11 @@ class Workspace:
             self._take_change()
 
     async def upload(self, name: str, content: AsyncIterator[bytes], *, as_network: bool) -> str:
-        """Keep a file; a network's begins a site. Returns its name from the site's folder.
+        """Store a file; a network starts a new site. Return its name relative to the site's folder.
 
         Raises:
-            ExecutorError: it cannot be kept.
-            MissionsError: a network that cannot be used; it is not kept.
+            ExecutorError: it cannot be stored.
+            MissionsError: a network that cannot be used; it is not stored.
         """
         path = await site_files.receive_file(self.folder, name, content)
         if as_network:
@@ -182,7 +182,7 @@ class Workspace:
         """Change the site file, in a thread.
 
         Raises:
-            StaleRevision: the site is another one.
+            StaleRevision: the site has changed.
             SiteError: none is open, or this cannot be done.
         """
         async with self._lock:
@@ -193,7 +193,7 @@ class Workspace:
             self._take_change()
 
     async def choose_for_flight(self, plan: str) -> tuple[Path, Path]:
-        """Make a plan the chosen one; returns the files of the site and of it, which are what the page shows.
+        """Make a plan the chosen one; return the files of the site and of the plan, which match the page.
 
         Raises:
             SiteError: the site is not on disk, or there is no such plan.
@@ -205,13 +205,13 @@ class Workspace:
         return store.path, now.plans.file
 
     async def wait_until_checked(self, within_s: float = SOON_S) -> None:
-        """Wait until the present site is understood, but not for long."""
+        """Wait until the present site is read, up to a time limit."""
         with suppress(TimeoutError):
             async with asyncio.timeout(within_s), self._known:
                 await self._known.wait_for(lambda: self.checked == self.revision)
 
     async def run(self) -> None:
-        """Understand every site that there comes to be, for ever."""
+        """Read every new revision of the site, forever."""
         while True:
             await self._wanted.wait()
             self._wanted.clear()
@@ -226,12 +226,12 @@ class Workspace:
                 self.view, self.checked = view, revision
                 self._known.notify_all()
             self.news.set()
-            with suppress(*OURS):  # a process that died is said with what is asked next
+            with suppress(*OURS):  # the next question reports a dead process
                 await self.planning.refresh(self.now)
             self.news.set()
 
     async def watch_files(self) -> None:
-        """Read what others write, and try again to save what could not be saved, for ever."""
+        """Read changes by other programs, and retry failed saves, forever."""
         while True:
             await asyncio.sleep(LOOK_S)
             async with self._lock:
@@ -242,7 +242,7 @@ class Workspace:
                     await self.planning.prepare(self.now)
 
     async def close(self) -> None:
-        """Save what is not saved, and end the processes."""
+        """Save unsaved changes, and end the processes."""
         async with self._lock:
             if self.store is not None:
                 await asyncio.to_thread(self.store.__exit__, None, None, None)
@@ -281,8 +281,8 @@ class Workspace:
         self.news.set()
 
 
-def _to_plain(values: Any) -> Any:  # noqa: ANN401 - whatever a file says
-    """Return values as JSON has them: TOML has times, too."""
+def _to_plain(values: Any) -> Any:  # noqa: ANN401 - any value of a file
+    """Return values in JSON types: TOML also has times."""
     if isinstance(values, dict):
         return {key: _to_plain(one) for key, one in values.items()}
     if isinstance(values, list):

@@ -1,8 +1,8 @@
-"""A vehicle's parameters: many are read at the pace of the link; one is set, and confirmed by what comes back.
+"""Read a vehicle's parameters at the pace of the link; set one, and confirm it by the value that comes back.
 
-Neither autopilot answers a question for a parameter that it does not have (measured), or with the newer PARAM_ERROR.
-On a link that loses, a silence says nothing: it counts only where a question that was asked later is answered, and only
-so often in a row that the link, by what it loses of questions that are answered, cannot be the reason.
+Neither autopilot answers a request for an absent parameter (measured), except by the newer PARAM_ERROR. On a lossy link
+a silence proves nothing: it counts only where a later request is answered, and the parameter is absent only after so
+many such silences in a row that packet loss, as measured on answered requests, cannot be the reason.
 """
 
 from __future__ import annotations
@@ -18,73 +18,73 @@ from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Reject
 R = TypeVar("R", bound="ParameterReading")
 
 AT_ONCE, MOST_AT_ONCE = 4, 16
-"""Questions under way in the beginning, and where nothing gets lost: ArduPilot drops what is beyond 20
-(GCS_Param.cpp), and the queue of a radio holds some 50 answers for everybody behind it."""
+"""Requests in flight at first, and at most on a link without loss: ArduPilot drops what is beyond 20 (GCS_Param.cpp),
+and a radio queue holds some 50 answers for all vehicles behind it."""
 SILENT_S = 20.0
-"""After so long without any answer the rest is not read: four times what a radio's full queue holds a frame back."""
+"""Seconds without any answer after which reading stops: four times the delay of a radio's full queue."""
 LONGEST_S = 180.0
 BY_CHANCE = 1e-6
-"""How likely at most the link alone may have swallowed all questions for a parameter that is said not to be there."""
+"""Greatest probability that packet loss alone explains the silence of a parameter reported as absent."""
 PERIOD_S, LONGEST_PERIOD_S = 1.0, 4.0
 TRIES, TRIES_ANSWERED = 6, 4
-"""Of setting a parameter; fewer where it is answered, and another value stays."""
+"""Attempts to set a parameter; fewer where it is answered with another value."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """One parameter that is asked for."""
+    """One requested parameter."""
 
     name: str
     asked_s: float = 0.0
     number: int = 0
-    """Of its latest question, in the order in which they are sent."""
+    """Sequence number of its latest request."""
     first: int = 0
-    """Of its first."""
+    """Sequence number of its first request."""
     tries: int = 0
     outlived: bool = False
-    """Whether a question that was asked after its latest is answered."""
+    """Whether a request sent after its latest one was answered."""
     in_vain: int = 0
-    """How many of its questions were outlived and not answered."""
+    """Number of its requests that were outlived and not answered."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterReading(DialogueMachine):
-    """The state of reading parameters: of each there is a value in the end, or it is not there, or it was not read."""
+    """State of reading parameters: each ends with a value, as absent, or as unread."""
 
     is_transfer = True
     waiting: tuple[_Question, ...]
-    """Those to be asked next, in turn."""
+    """Parameters to request next, in order."""
     asked: tuple[_Question, ...] = ()
-    """Those under way."""
+    """Requests in flight."""
     control: _Question | None = None
-    """A parameter that is there and is asked for again, behind those that do not answer."""
+    """A present parameter, requested again behind silent ones."""
     values: tuple[ParamValue, ...] = ()
     absent: frozenset[str] = frozenset()
-    """What the vehicle does not have."""
+    """Parameters that the vehicle does not have."""
     refused: frozenset[str] = frozenset()
-    """What it answers without a value."""
+    """Parameters that it answers without a value."""
     round_trip: RoundTrip = field(default=RoundTrip(waits_s=1.5, most_s=4.0), kw_only=True)
     room: int = AT_ONCE
-    """How many may be under way."""
+    """Most requests in flight."""
     sent: int = 0
     lost: int = 0
-    """Of the questions for parameters that are there."""
+    """Lost requests for present parameters."""
     answered: int = 0
     began_s: float = 0.0
     heard_s: float = 0.0
 
     @classmethod
     def start(cls, names: tuple[str, ...]) -> Self:
-        """Return the reading of some parameters before it begins."""
+        """Return the reading of some parameters before its start."""
         return cls(tuple(_Question(name) for name in dict.fromkeys(names)))
 
     @property
     def unread(self) -> frozenset[str]:
-        """What is not known, as nothing usable was answered and the link may be the reason."""
+        """Parameters without a usable answer, where the link may be the reason."""
         return self.refused | {question.name for question in (*self.waiting, *self.asked)}
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask for the first few."""
+        """Send the first requests."""
         return _fill_pipeline(replace(self, began_s=now_s, heard_s=now_s), now_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
@@ -107,7 +107,7 @@ class ParameterReading(DialogueMachine):
         return _fill_pipeline(_record_answer(state, question, now_s), now_s)
 
     def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask again what was not answered in time; or give up."""
+        """Repeat requests that timed out; or give up."""
         if now_s >= min(self.heard_s + SILENT_S, self.began_s + LONGEST_S) - SAME_S:
             return self._finish(TimedOut(f"{', '.join(sorted(self.unread))}: no answer")), ()
         latest_s = now_s - self.round_trip.waits_s + SAME_S
@@ -117,7 +117,7 @@ class ParameterReading(DialogueMachine):
             state = _postpone_question(state, question)
         if self.control is not None and self.control.asked_s <= latest_s:
             state = replace(state, control=None, lost=state.lost + 1)
-        if any(not one.outlived for one in late):  # a jam is not to be fed: fewer at a time, and then more seldom
+        if any(not one.outlived for one in late):  # do not feed a jam: fewer at a time, then less often
             trip = self.round_trip.record_timeout() if self.room == 1 else self.round_trip
             state = replace(state, round_trip=trip, room=max(1, self.room // 2))
         return _fill_pipeline(state, now_s)
@@ -129,7 +129,7 @@ def _drop_question(state: R, question: _Question) -> R:
 
 
 def _record_answer(state: R, question: _Question, now_s: float) -> R:
-    """Note what an answer says of the link, and of what was asked before."""
+    """Note what an answer shows about the link and about earlier requests."""
     asked = tuple(one if one.number > question.first else replace(one, outlived=True) for one in state.asked)
     trip = state.round_trip.record_round_trip(now_s - question.asked_s) if question.tries == 1 else state.round_trip
     return replace(
@@ -139,7 +139,7 @@ def _record_answer(state: R, question: _Question, now_s: float) -> R:
 
 
 def _postpone_question(state: R, question: _Question) -> R:
-    """Put a question that was not answered in time behind the others; or believe that nobody ever will."""
+    """Put a timed-out request behind the others; or declare the parameter absent."""
     in_vain = question.in_vain + question.outlived
     state = _drop_question(state, question)
     share = (state.lost + 1.0) / (state.lost + state.answered + 2.0)
@@ -149,7 +149,7 @@ def _postpone_question(state: R, question: _Question) -> R:
 
 
 def _fill_pipeline(state: R, now_s: float) -> tuple[R, tuple[Outgoing, ...]]:
-    """Ask as many as may be under way, and one that is there behind them where none of them may be."""
+    """Send as many requests as may be in flight, plus one for a present parameter where none of them is present."""
     said: list[str] = []
     while state.waiting and len(state.asked) < state.room:
         question = _mark_sent(state, state.waiting[0], now_s)
@@ -176,7 +176,7 @@ def _mark_sent(state: ParameterReading, question: _Question, now_s: float) -> _Q
 
 @dataclass(frozen=True, slots=True)
 class ParameterDialogue(DialogueMachine):
-    """The state of one question, or of one change if `wanted` is given."""
+    """State of one read, or of one change if `wanted` is given."""
 
     name: str
     wanted: SendParamSet | None = None
@@ -184,16 +184,16 @@ class ParameterDialogue(DialogueMachine):
     value: ParamValue | None = None
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask, or set."""
+        """Send the read or the change."""
         return replace(self, tries=1, deadline_s=now_s + self.period_s), (self._build_request(),)
 
     @property
     def period_s(self) -> float:
-        """How long an answer is waited for at first."""
+        """First time-out for an answer."""
         return max(PERIOD_S, self.round_trip.waits_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Take the value if it is the one asked for, and the one wanted."""
+        """Take the value if it is the requested parameter and the wanted value."""
         match message:
             case ParamValue(name, value) if name == self.name:
                 if self.wanted is None or math.isclose(value, self.wanted.value, rel_tol=1e-5, abs_tol=1e-6):
@@ -206,7 +206,7 @@ class ParameterDialogue(DialogueMachine):
                 return self, ()
 
     def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask again, more and more seldom while nobody answers; or give up."""
+        """Repeat at growing intervals without an answer; or give up."""
         if self.wanted is not None and self.value is not None and self.tries >= TRIES_ANSWERED:
             return self._finish(Rejected(f"{self.name} stays {self.value.value:g}", Ending.VALUE_STAYS)), ()
         if self.tries >= TRIES:

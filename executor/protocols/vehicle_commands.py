@@ -1,4 +1,4 @@
-"""The commands that we give, as COMMAND_LONG, and the dialogue of one with its acknowledgement."""
+"""Build our commands as COMMAND_LONG, and run the dialogue of a command and its acknowledgement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GET_MESSAGE_INTERVAL = 510
 SET_MESSAGE_INTERVAL = 511
 REQUEST_MESSAGE = 512
 DO_SEND_BANNER = 42428
-"""Of ArduPilot's own dialect."""
+"""MAV_CMD of ArduPilot's own dialect."""
 
 AUTOPILOT_VERSION = 148
 CAMERA_IMAGE_CAPTURED = 263
@@ -31,7 +31,7 @@ def _build_command(number: int, *params: float) -> SendCommand:
 
 
 def set_mode(mode: ModeNumber) -> SendCommand:
-    """Switch to a mode; param1 says that the numbers are the autopilot's own."""
+    """Switch mode; param1 marks the numbers as the autopilot's own."""
     return _build_command(DO_SET_MODE, 1.0, float(mode.param2), float(mode.param3))
 
 
@@ -41,8 +41,8 @@ def arm() -> SendCommand:
 
 
 def disarm(*, force: bool) -> SendCommand:
-    """Stop the motors; without force only where the autopilot believes that it is on the ground."""
-    forced = 21196.0  # of both autopilots: whatever they believe
+    """Disarm; without force only if the autopilot detects that it is on the ground."""
+    forced = 21196.0  # both autopilots: disarm in any state
     return _build_command(COMPONENT_ARM_DISARM, 0.0, forced if force else 0.0)
 
 
@@ -52,48 +52,48 @@ def start_mission() -> SendCommand:
 
 
 def change_speed(speed_m_s: float) -> SendCommand:
-    """Set the ground speed (type 1) and leave the throttle alone (-1)."""
+    """Set the ground speed (type 1); leave the throttle unchanged (-1)."""
     return _build_command(DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)
 
 
 NEVER_US, UNASKED_US = -1.0, 0.0
-"""Not any more, and as often as without any request."""
+"""Stop a message; restore its default rate."""
 
 
 def set_message_interval(message: int, interval_us: float) -> SendCommand:
-    """Ask for a message every so often."""
+    """Request a message at an interval."""
     return _build_command(SET_MESSAGE_INTERVAL, float(message), interval_us)
 
 
 def ask_interval(message: int) -> SendCommand:
-    """Ask how often a message is sent."""
+    """Request the interval of a message."""
     return _build_command(GET_MESSAGE_INTERVAL, float(message))
 
 
 def request_message(message: int) -> SendCommand:
-    """Ask for a message once."""
+    """Request a message once."""
     return _build_command(REQUEST_MESSAGE, float(message))
 
 
 def run_prearm_checks() -> SendCommand:
-    """Let the vehicle say now why it cannot be armed."""
+    """Request the vehicle's reasons against arming now."""
     return _build_command(RUN_PREARM_CHECKS)
 
 
 def send_banner() -> SendCommand:
-    """Let the vehicle say again what it says when it starts."""
+    """Request the vehicle's start-up texts again."""
     return _build_command(DO_SEND_BANNER)
 
 
 def request_picture(component: int, sequence: int) -> SendCommand:
-    """Ask a camera to say again that it took a picture."""
+    """Request a camera's report of a picture again."""
     return replace(_build_command(REQUEST_MESSAGE, CAMERA_IMAGE_CAPTURED, sequence), component=component)
 
 
 PERIOD_S = 1.0
 TRIES = 5
 IN_PROGRESS_S = 10.0
-"""How long a vehicle may work on a command that it has acknowledged as in progress."""
+"""Most seconds that a vehicle may work on a command acknowledged as in progress."""
 RESULT_NAMES = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 6: "cancelled"}
 """MAV_RESULT in words."""
 _CODES = {
@@ -103,16 +103,16 @@ _CODES = {
 
 @dataclass(frozen=True, slots=True)
 class CommandDialogue(DialogueMachine):
-    """The state of one command."""
+    """State of one command."""
 
     command: SendCommand
     what: str
     """The command in words, for reasons."""
     tries: int = 0
     refusal: str = ""
-    """What the vehicle said last when it rejected the command for the time being."""
+    """Vehicle's last reason for a temporary rejection."""
     sent_s: float = 0.0
-    """When it was sent first."""
+    """Time of the first send."""
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Send the command."""
@@ -120,11 +120,11 @@ class CommandDialogue(DialogueMachine):
 
     @property
     def period_s(self) -> float:
-        """How long an answer is waited for: a second, and longer where the link is slower than that."""
+        """Time-out for an answer: one second, or more on a slower link."""
         return max(PERIOD_S, self.round_trip.waits_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Take the acknowledgement; 'temporarily rejected' is asked again at the deadline."""
+        """Take the acknowledgement; retry 'temporarily rejected' at the deadline."""
         match message:
             case CommandAck(command, result) if command == self.command.command:
                 match result:

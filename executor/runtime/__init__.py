@@ -1,1 +1,1 @@
-"""Asyncio tasks, queues and deadlines around the decisions of core."""
+"""Run asyncio tasks, queues and deadlines around the decisions of core."""

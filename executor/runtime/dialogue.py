@@ -1,8 +1,8 @@
-"""Drives one protocol machine over a link, in the time in which this program was able to do its work.
+"""Run one protocol machine over a link, and count its time-outs only in time in which this program could run.
 
-A computer with too much to do lets a program wait. What a vehicle answered meanwhile lies unread, and by the clock
-every patience is spent. So a beat goes beside the dialogues, and of a beat that comes late only `MOST_REAL_S` counts:
-this program's own time-outs count in no other time.
+On an overloaded computer a program has to wait. Meanwhile a vehicle's answers lie unread, and by the clock every
+time-out expires. So a beat runs alongside the dialogues, and of a late beat only `MOST_REAL_S` counts: this program's
+own time-outs use this time only.
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ from executor.runtime.channel import Channel, channel_of
 
 BEAT_REAL_S = 0.1
 STANDS_STILL_S = 5.0
-"""Of this computer: so long after the crew's yes, and nobody looked meanwhile, somebody may be at the pad."""
+"""Seconds without a beat after which this computer counts as having stood still; since the crew's yes, unobserved, a
+person may have stepped to a pad."""
 LEAST_WAIT_S = 1e-6
-"""Of a time-out what is less is nothing: it is the last digit of a sum."""
+"""Least remaining time-out that counts; less is a rounding error of a sum."""
 MOST_REAL_S = 0.25
-"""Of the time between two beats so much counts; a program that is as late as this all the time is not slow yet."""
+"""Most real seconds counted between two beats; a program that is always this late does not count as slow yet."""
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -36,17 +37,17 @@ P = ParamSpec("P")
 
 @dataclass(slots=True)
 class _Beat:
-    """The beat of one event loop, for as long as somebody needs it."""
+    """Beat of one event loop; runs while any dialogue needs it."""
 
     loop: asyncio.AbstractEventLoop
     clock: Clock
     users: int = 0
     at_s: float = 0.0
-    """Of the last beat, in real seconds of the clock."""
+    """Time of the last beat, in real seconds of the clock."""
     lost_s: float = 0.0
-    """Before it, in which this program was not able to do anything."""
+    """Time before it in which this program could not run."""
     stood_still_s: float = float("-inf")
-    """When it was noticed last that this computer had stood still."""
+    """Time at which this computer was last found to have stood still."""
     next: asyncio.TimerHandle | None = None
 
     def begin(self) -> None:
@@ -62,11 +63,11 @@ class _Beat:
             self.next.cancel()
 
     def total_lost_real_s(self) -> float:
-        """Return how many real seconds this program has lost so far."""
+        """Return the real seconds that this program has lost so far."""
         return self.lost_s + max(0.0, self.now_s() - self.at_s - MOST_REAL_S)
 
     def has_stood_still(self, since_s: float) -> bool:
-        """Return whether this computer stood still since a time: a laptop that was closed goes on where it was."""
+        """Return whether this computer stood still since a time, such as a laptop whose lid was closed."""
         if self.now_s() - self.at_s > STANDS_STILL_S:
             self.stood_still_s = self.now_s()
         return self.stood_still_s > since_s
@@ -85,28 +86,28 @@ _BEATS: WeakKeyDictionary[asyncio.AbstractEventLoop, _Beat] = WeakKeyDictionary(
 
 @dataclass(frozen=True, slots=True)
 class AwakeClock:
-    """A clock that stands still while this program cannot do anything; it never goes back."""
+    """Clock that stands still while this program cannot run; it never goes back."""
 
     clock: Clock
     beat: _Beat = field(repr=False)
 
     @property
     def speedup(self) -> float:
-        """Seconds of the flight in a real second."""
+        """Flight seconds per real second."""
         return self.clock.speedup
 
     def now_s(self) -> float:
-        """Seconds of the flight in which this program was able to do its work."""
+        """Return the flight seconds in which this program could run."""
         return self.clock.now_s() - self.beat.total_lost_real_s() * self.clock.speedup
 
     def watch_pauses(self) -> Callable[[], bool]:
-        """Return what tells whether this computer has stood still from now on."""
+        """Return a function that reports whether this computer has stood still since this call."""
         return partial(self.beat.has_stood_still, self.beat.now_s())
 
 
 @contextmanager
 def awake(clock: Clock) -> Iterator[AwakeClock]:
-    """Return the clock of this program's own time-outs, to be used inside the block."""
+    """Yield the clock of this program's own time-outs, valid inside the block."""
     if isinstance(clock, AwakeClock):
         yield clock
         return
@@ -122,24 +123,24 @@ def awake(clock: Clock) -> Iterator[AwakeClock]:
 
 
 def underlying(clock: Clock) -> Clock:
-    """Return the flight's clock of one that is maybe that of this program's work."""
+    """Return the flight's clock behind a clock that may be an `AwakeClock`."""
     return clock.clock if isinstance(clock, AwakeClock) else clock
 
 
 def times_slower(clock: Clock, began_s: float, able_began_s: float) -> float:
-    """Return how many times as long something took as this program was able to work on it; 1 on a computer at rest.
+    """Return elapsed time over the time in which this program could run; 1 on an idle computer.
 
     Args:
-        clock: Of the program's work.
-        began_s: When it began on the flight's clock.
-        able_began_s: The same on this one.
+        clock: The `AwakeClock`.
+        began_s: Start on the flight's clock.
+        able_began_s: Start on `clock`.
     """
     took_s, able_s = underlying(clock).now_s() - began_s, clock.now_s() - able_began_s
     return max(1.0, took_s / able_s) if able_s > 0.0 else 1.0
 
 
 def count_awake_time(work: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
-    """Have a procedure count its time-outs by the time in which this program was able to do its work."""
+    """Make a procedure count its time-outs in the time in which this program could run."""
     signature = inspect.signature(work)
 
     @wraps(work)
@@ -153,27 +154,27 @@ def count_awake_time(work: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, C
 
 
 SLOW_SHARE = 0.3
-"""A program that loses more than this of its time is too slow for its flight."""
+"""Share of lost time above which a program is too slow for its flight."""
 LOOKS_S = 10.0
 SAYS_AGAIN_S = 60.0
 
 
 class Lateness:
-    """What a flight loses of its time, from tick to tick, and when that is worth a line."""
+    """Time that a flight loses from tick to tick, and when to report it."""
 
     def __init__(self, able: AwakeClock, clock: Clock) -> None:
-        """Begin to look at two clocks: that of the program's work, and the flight's."""
+        """Start comparing two clocks: the `AwakeClock` and the flight's."""
         self._able, self._clock = able, clock
         self._behind_s = self._looked_behind_s = clock.now_s() - able.now_s()
         self._looked_s, self._said_s = clock.now_s(), float("-inf")
 
     def take_lost_s(self) -> float:
-        """Return how much was lost since this was asked last."""
+        """Return the time lost since the last call."""
         before_s, self._behind_s = self._behind_s, self._clock.now_s() - self._able.now_s()
         return round(max(0.0, self._behind_s - before_s), 3)
 
     def to_be_said(self) -> str:
-        """Return that this computer is too slow, now and then; empty if it is not."""
+        """Return the warning that this computer is too slow, at intervals; empty if it is not."""
         now_s = self._clock.now_s()
         passed_s = now_s - self._looked_s
         if passed_s < LOOKS_S:
@@ -192,18 +193,18 @@ class Lateness:
 M = TypeVar("M", bound=DialogueMachine)
 
 INBOX = 256
-"""Messages that may wait for a dialogue; telemetry beyond it is dropped, the protocols ask again for the rest."""
+"""Most messages that wait for a dialogue; telemetry beyond it is dropped, protocols request the rest again."""
 
 
 AGAIN_S = 1.0
-"""Between two repeats of what a machine asked last, where this program lost time."""
+"""Seconds between two repeats of a machine's last request, where this program lost time."""
 MOST_SPEEDUP = 10.0
-"""Faster than this the time-outs of a dialogue do not follow: a fifteenth of a second is no time on a busy computer."""
+"""Most speedup that a dialogue's time-outs follow: on a busy computer a fifteenth of a second is too short."""
 
 
 @dataclass(frozen=True, slots=True)
 class _DialogueClock:
-    """A dialogue's own time: the flight's, but never faster than `MOST_SPEEDUP`."""
+    """Dialogue time: the flight's, but at most `MOST_SPEEDUP` times real time."""
 
     clock: Clock
 
@@ -217,27 +218,27 @@ class _DialogueClock:
 
 @dataclass(slots=True)
 class _Patience:
-    """How long a vehicle has not answered: what it is asked again, and when it may be given up."""
+    """Silence of a vehicle: what to repeat, and when to give up."""
 
     able: Clock
     paced: _DialogueClock
     since_s: float = 0.0
     able_since_s: float = 0.0
     granted_s: float | None = None
-    """How long the machine would have waited."""
+    """Time-out that the machine would have used."""
     repeat: tuple[Outgoing, ...] = ()
-    """What was asked again last."""
+    """Messages of the last repeat."""
 
     def begin(self) -> None:
-        """Begin anew: it has answered."""
+        """Restart the count: the vehicle has answered."""
         self.since_s, self.able_since_s = self.paced.now_s(), self.able.now_s()
         self.granted_s, self.repeat = None, ()
 
     def pass_deadline(self, machine: M, *, full: bool = False) -> tuple[M, tuple[Outgoing, ...]]:
-        """Carry a machine over its deadline; who is given up had that time while this program was able to hear it.
+        """Pass a machine's deadline; give up only after that much time in which this program could receive.
 
-        What is repeated goes by the flight's clock all the same: a vehicle's own time-outs do not wait for us. But
-        nothing is repeated into a radio whose buffer is full: what was asked may still be in it.
+        Repeats follow the flight's clock all the same: a vehicle's own time-outs do not wait for us. Nothing is
+        repeated into a radio with a full buffer: the request may still be in it.
         """
         now_s = self.paced.now_s()
         if full and now_s - self.since_s < MOST_HELD_S:
@@ -254,7 +255,7 @@ class _Patience:
 
 @contextmanager
 def listen_to(link: Link, listener: Callable[[Message], None]) -> Iterator[None]:
-    """Have every message of a vehicle handed on inside the block."""
+    """Pass every message of a vehicle to a listener inside the block."""
     stop_listening = link.listen(listener)
     try:
         yield
@@ -264,9 +265,9 @@ def listen_to(link: Link, listener: Callable[[Message], None]) -> Iterator[None]
 
 @count_awake_time
 async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
-    """Run a dialogue to its one outcome.
+    """Run a dialogue to its outcome.
 
-    When the task is cancelled the vehicle is told so where the protocol allows it.
+    If the task is cancelled, cancel the transfer with the vehicle where the protocol allows it.
     """
     opens, unmeasured = type(machine).begin, machine.round_trip
     while True:
@@ -283,7 +284,7 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
 async def _run_on_one_link(
     machine: M, opens: Callable[[M, float], tuple[M, tuple[Outgoing, ...]]], link: Link, channel: Channel, clock: Clock
 ) -> M:
-    """Run a dialogue to its end, or until orders go over another link of the vehicle."""
+    """Run a dialogue to its end, or until commands switch to another link of the vehicle."""
     way, paced = link.ways[0], _DialogueClock(underlying(clock))
     inbox: asyncio.Queue[Message] = asyncio.Queue(INBOX)
     patience = _Patience(clock, paced)

@@ -13,7 +13,7 @@ SAYS_AGAIN_S = 20.0
 
 
 class LinkChanges:
-    """Which link is in use, as far as it was said."""
+    """Link in use of each vehicle, as last reported."""
 
     def __init__(self, links: Mapping[str, Link]) -> None:
         self._links = links
@@ -21,7 +21,7 @@ class LinkChanges:
         self._said_s: dict[str, float] = {}
 
     def list_to_say(self, now_s: float) -> Iterator[Say]:
-        """Yield a line for each vehicle whose orders go over another link than was said."""
+        """Yield a line for each vehicle whose commands use another link than last reported."""
         for name, one in self._links.items():
             used, before = one.ways[0], self._used[name]
             if used is before or now_s - self._said_s.get(name, float("-inf")) < SAYS_AGAIN_S:

@@ -1,6 +1,7 @@
 """Query every vehicle before a flight and before each sortie of a day: answer, position, battery.
 
-After the ground station was away: who answers, what everybody carries, and which item everybody flies to.
+After an absence of the ground station: which vehicles answer, what is on board, and each vehicle's current mission
+item.
 """
 
 from __future__ import annotations
@@ -36,17 +37,17 @@ from missions import Dialect, EncodedMission, MissionItem, MissionKind, dialect_
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
-"""Interval of asking a vehicle why it cannot be armed."""
+"""Seconds between two requests to a vehicle for its reasons against arming."""
 BANNER_TIMEOUT_S = 3.0
 TELL_S = 1.0
-"""Interval of progress lines; a vehicle may give another reason each time."""
+"""Seconds between progress lines; a vehicle may report another reason each time."""
 MOST_REASONS = 20
-"""Most reasons against arming to keep; the newest."""
+"""Most reasons against arming to keep: the newest."""
 
 
 @dataclass(slots=True)
 class _VehicleAnswers:
-    """The latest of everything that a vehicle said before the flight."""
+    """Latest message of each kind from a vehicle before the flight."""
 
     clock: Clock
     heartbeat: messages.Heartbeat | None = None
@@ -91,7 +92,7 @@ class _VehicleAnswers:
     def _note_position(self, position: messages.Position) -> None:
         self.position = position
         told = ReportedPosition(self.clock.now_s(), position.boot_s, position.lat_deg, position.lon_deg)
-        stands = self.heartbeat is not None and not self.heartbeat.armed  # a flight that is resumed asks in the air
+        stands = self.heartbeat is not None and not self.heartbeat.armed  # a resumed flight queries in the air
         self.twins = add_reported_position(self.twins, told, stands=stands)
         if self.twins.are_two:
             self.strangers = add_foreign_system(self.strangers, messages.DoubleHeard(0, ()))
@@ -114,14 +115,14 @@ class _VehicleAnswers:
 
     @property
     def best_remaining_pct(self) -> float | None:
-        """What is left in the battery, by the better of the two messages."""
+        """Remaining battery in percent, from the better of the two messages."""
         if self.remaining_pct is not None:
             return self.remaining_pct
         return None if self.status is None else self.status.remaining_pct
 
     @property
     def voltage_v(self) -> float | None:
-        """Of its pack, by the better of the two messages."""
+        """Pack voltage, from the better of the two messages."""
         if self.battery is not None and self.battery.voltage_v is not None:
             return self.battery.voltage_v
         return None if self.status is None else self.status.voltage_v
@@ -131,7 +132,7 @@ class _VehicleAnswers:
         return self.status is not None and self.status.prearm_ok is False
 
     def find_missing(self) -> str:
-        """Return what is still not known, in words; empty when the vehicle is ready."""
+        """Return what is still missing, in words; empty when the vehicle is ready."""
         found = vehicle_checks.find_missing_before_takeoff(self.position, self.best_remaining_pct)
         if not found and self.is_unarmable:
             return vehicle_checks.describe_prearm_failure(self.reasons_s, self.status, self.clock.now_s())
@@ -144,7 +145,7 @@ async def wait_for_vehicle(
     """Wait for the first heartbeat.
 
     Raises:
-        ConnectionFailed: nobody answered.
+        ConnectionFailed: no vehicle answered.
     """
     seen = await procedures.wait_for(
         link, clock, lambda message: isinstance(message, messages.Heartbeat), timeout_real_s * clock.speedup
@@ -157,7 +158,7 @@ async def wait_for_vehicle(
 
 
 def _describe_other_senders(counts: LinkCounts) -> str:
-    """Return what came instead of the one that was waited for; empty if nothing did."""
+    """Return which other senders were heard instead; empty if there were none."""
     if counts.refused:
         refused = ", ".join(f"{count} {reason}" for reason, count in sorted(counts.refused.items()))
         return f"frames came that were refused: {refused}; does it hold the same signing key?"
@@ -176,17 +177,17 @@ async def interview_vehicle(
     more: Sequence[str] = (),
     share: RadioShare = ALONE,
 ) -> VehicleFacts:
-    """Ask one vehicle for its streams, and wait until it is ready to fly.
+    """Request one vehicle's streams, and wait until it is ready to fly.
 
     Args:
-        name: Of the vehicle.
-        link: To it.
-        clock: The flight's.
-        dialect: What it should speak.
-        ready_timeout_s: How long it may take to be ready, in its time.
-        waits: Told what it is waited for, whenever that changes.
-        more: Parameters that this site asks for beside the usual ones.
-        share: What it has of its radio.
+        name: Name of the vehicle.
+        link: Link to the vehicle.
+        clock: Clock of the flight.
+        dialect: Expected dialect.
+        ready_timeout_s: Time limit to become ready, in vehicle time.
+        waits: Called with what is still missing, on every change.
+        more: Parameters that this site needs in addition to the usual ones.
+        share: The vehicle's share of its radio.
 
     Raises:
         PreflightFailed: it did not become ready in time.
@@ -235,7 +236,7 @@ async def interview_vehicle(
 
 
 async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, waits: Callable[[str], None]) -> None:
-    """Wait until nothing was missing for a while: ArduPilot's pre-arm checks pass for a second and fail again."""
+    """Wait until nothing has been missing for a while: ArduPilot's pre-arm checks may pass for a second, then fail."""
     since_s: float | None = None
     asked_s, told, told_s = float("-inf"), "", float("-inf")
     while True:
@@ -257,14 +258,14 @@ async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, wa
 
 
 async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> None:
-    """Ask for the start-up texts, which name the version of a firmware that has no message for it."""
+    """Request the start-up texts, which name the version of firmware that has no message for it."""
     await procedures.send_order(link, clock, CommandDialogue(vehicle_commands.send_banner(), "banner"))
     if heard.version is None:
         await procedures.wait_for(link, clock, lambda _: heard.version is not None, BANNER_TIMEOUT_S)
 
 
 async def read_present(context: Context, name: str, link: Link, clock: Clock) -> parameter_changes.Answers:
-    """Return what a vehicle has of the parameters that a flight may change on it."""
+    """Read a vehicle's values of the parameters that a flight may change."""
     dialect = context.vehicles[name].dialect
     names = (*parameter_changes.list_return_parameters(dialect), *fence_changes.list_fence_parameters(context, name))
     return await read_parameters(link, clock, names, dialect)
@@ -273,19 +274,19 @@ async def read_present(context: Context, name: str, link: Link, clock: Clock) ->
 async def read_parameters(
     link: Link, clock: Clock, names: Sequence[str], dialect: Dialect | None = None
 ) -> parameter_changes.Answers:
-    """Read parameters at the pace of the link, until each is answered, or not there, or the link is silent.
+    """Read parameters at the pace of the link, until each is answered or absent, or the link is silent.
 
     Args:
-        link: To the vehicle.
-        clock: The flight's.
-        names: Which ones.
-        dialect: By which what is not there is asked for by its name in other firmware; None where it is not.
+        link: Link to the vehicle.
+        clock: Clock of the flight.
+        names: Names of the parameters.
+        dialect: Source of the names that absent parameters have in other firmware; None to skip these.
     """
     answers = await _read_at_pace(link, clock, names)
     more = () if answers.unread or dialect is None else list_other_names(dialect, names, answers.present)
     if not more:
         return answers
-    # One that is there goes with them: beside it a silence can be told from the link's.
+    # One present parameter is read along: with it a missing parameter can be told from a silent link.
     found = await _read_at_pace(link, clock, (*more, *tuple(answers.present)[:1]))
     return parameter_changes.Answers({**answers.present, **found.present}, found.unread.difference(answers.present))
 
@@ -303,7 +304,7 @@ async def _read_at_pace(link: Link, clock: Clock, names: Iterable[str]) -> param
 
 
 async def set_changes(link: Link, clock: Clock, changes: Iterable[parameter_changes.KeptParameter]) -> dict[str, str]:
-    """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
+    """Set the parameters that a flight needs; return failures by name, empty where the new value was read back."""
     ends = {}
     for change in changes:
         if change.name == parameter_changes.UNASKED:
@@ -323,20 +324,20 @@ async def load_mission(
     mission: EncodedMission,
     tell: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Put the first mission on board.
+    """Upload the first mission.
 
-    Nothing moves yet, so an upload that was broken off costs only time: all of it is tried again.
+    Nothing moves yet, so an interrupted upload costs only time: it is retried from the start.
 
     Args:
-        name: Of the vehicle.
-        link: To it.
-        clock: The flight's.
-        dialect: The vehicle's.
+        name: Name of the vehicle.
+        link: Link to the vehicle.
+        clock: Clock of the flight.
+        dialect: The vehicle's dialect.
         mission: The mission.
-        tell: Told in a line what is waited for.
+        tell: Called with progress lines.
 
     Raises:
-        VehicleRefused: what is on board is not what was sent.
+        VehicleRefused: the mission on board differs from the one sent.
     """
 
     def told(text: str) -> None:
@@ -353,17 +354,17 @@ async def load_mission(
 async def upload_list(
     link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
 ) -> ProcedureResult:
-    """Put a fence, or rally points, on board and read them back."""
+    """Upload a fence or rally points, and read them back."""
     if kind is MissionKind.FENCE:
         return await procedures.upload_and_verify_fence(link, clock, dialect, items)
     return await procedures.upload_and_verify(link, clock, dialect, items, kind=kind)
 
 
 async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_changes.WantedLists) -> None:
-    """Put a fence and rally points on board.
+    """Upload a fence and rally points.
 
     Raises:
-        VehicleRefused: what is on board is not what was sent.
+        VehicleRefused: what is on board differs from what was sent.
     """
     for kind, items in wanted.items():
         done = await upload_list(link, clock, dialect, kind, items)
@@ -382,18 +383,18 @@ async def examine_vehicle(
     sets: bool = False,
     share: RadioShare = ALONE,
 ) -> Examined:
-    """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
+    """Wait until a vehicle is ready, and read its battery and parameters.
 
-    It may just be booting: nothing that it said before this counts.
+    It may just be booting: earlier reports do not count.
 
     Args:
-        context: Of the flight.
-        name: Of the vehicle.
-        link: To it.
-        clock: The flight's.
-        within_s: How long it may take to be ready, in its time.
-        sets: Whether what is not as the flight had set it is set again.
-        share: What it has of its radio.
+        context: Context of the flight.
+        name: Name of the vehicle.
+        link: Link to the vehicle.
+        clock: Clock of the flight.
+        within_s: Time limit to become ready, in vehicle time.
+        sets: Whether to set parameters again that differ from what the flight had set.
+        share: The vehicle's share of its radio.
     """
     dialect, began_s = context.vehicles[name].dialect, clock.now_s()
     seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, messages.Heartbeat), within_s)
@@ -403,8 +404,8 @@ async def examine_vehicle(
     try:
         facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None, share=share)
         off = share.list_unwanted(dialect, on_radio=facts.link.radio is not None)
-        await procedures.set_streams(link, clock, off, vehicle_commands.NEVER_US)  # a boot brings them back
-        # Nothing has to be set where it is as the flight has set it.
+        await procedures.set_streams(link, clock, off, vehicle_commands.NEVER_US)  # a reboot restores them
+        # Nothing to set where the values are as the flight has set them.
         proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
         if sets and (lacks := proposal.changes_of(name)):
             await set_changes(link, clock, lacks)
@@ -430,7 +431,7 @@ async def examine_vehicle(
 
 
 def _find_mismatch(context: Context, facts: VehicleFacts) -> str:
-    """Return why it is not the vehicle that it was, or not at rest; empty if it is."""
+    """Return why it is another vehicle than before, or not at rest; empty if it is the same and at rest."""
     dialect = context.vehicles[facts.name].dialect
     if facts.heartbeat.autopilot != dialect.number:
         return f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
@@ -438,20 +439,20 @@ def _find_mismatch(context: Context, facts: VehicleFacts) -> str:
 
 
 ONE_REAL_S = 5.0
-"""Real seconds to wait for one expected vehicle; supervision of the others is held up meanwhile."""
+"""Real seconds to wait for one expected vehicle; supervision of the others waits meanwhile."""
 READ_REAL_S = 6.0
 READ_TRIES = 3
-"""Attempts to read a mission that may be half new; over a bad link one attempt may fail."""
+"""Attempts to read a mission that may be half updated; over a bad link one attempt may fail."""
 READ_WAYPOINT_REAL_S = 0.25
-"""Real seconds per expected waypoint to read a mission. After that the vehicle's own report is believed, unless half of
+"""Real seconds per expected waypoint to read a mission. After that the vehicle's own report is trusted, unless half of
 a new mission may be on board."""
 STREAMS_REAL_S = 3.0
-"""Real seconds to wait for streams before they are requested again; only a restarted vehicle needs that."""
+"""Real seconds to wait for streams before requesting them again; only a rebooted vehicle needs that."""
 
 
 @dataclass(slots=True)
 class _Answer:
-    """What one vehicle says of itself; filled in while it speaks."""
+    """Reports of one vehicle, filled in as they arrive."""
 
     anybody: asyncio.Event
     """Set once any vehicle is heard."""
@@ -471,17 +472,17 @@ class _Answer:
 async def reconnect_vehicles(
     context: Context, state: Callable[[], FleetState], links: Mapping[str, Link], clock: Clock, patience_real_s: float
 ) -> Resumed:
-    """Ask every vehicle what it carries.
+    """Ask every vehicle for its mission and state.
 
     Args:
-        context: Of the flight.
-        state: The flight as it is known, asked at the end: it goes on while vehicles answer.
-        links: To the vehicles.
-        clock: The flight's.
-        patience_real_s: How long to wait for the first answer of anybody.
+        context: Context of the flight.
+        state: Returns the known state; called at the end, since the flight goes on while vehicles answer.
+        links: Links to the vehicles.
+        clock: Clock of the flight.
+        patience_real_s: Real seconds to wait for the first answer of any vehicle.
 
     Raises:
-        ConnectionFailed: nobody answers.
+        ConnectionFailed: no vehicle answers.
     """
     anybody = asyncio.Event()
     answers = {name: _Answer(anybody) for name in links}
@@ -523,9 +524,9 @@ def _is_pending(state: FleetState, vehicle: VehicleState) -> bool:
 
 
 def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
-    """Return how long a vehicle's mission is read: not at all unless it flies by it, to the end if half may be there.
+    """Return the time limit to read a vehicle's mission: none if not flown, unlimited if possibly half updated.
 
-    Over a bad link reading takes long, and nobody watches the others meanwhile.
+    Over a bad link reading takes long, and the other vehicles are unsupervised meanwhile.
     """
     if _is_pending(state, vehicle):
         return None

@@ -1,7 +1,8 @@
-"""Many flights on paper at once: on this computer's processors, or on a Dask cluster; the answer is the same.
+"""Fly many flights on paper at once: on this computer's processors, or on a Dask cluster; the result is the same.
 
-The flights come in parts with chance of their own (``planner.split_flights``). Who flies one, and when, changes
-nothing. The risk of one flight is such a campaign, and a sweep over times between failures is some.
+The flights are split into chunks with their own random numbers (``planner.split_flights``), so the result does not
+depend on which process flies a chunk, or when. The risk of one flight is one campaign; a sweep over mean times between
+failures is several.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from executor.errors import ConnectionFailed, ExecutorError
 from planner import FlightChunk, RiskCampaign, split_flights
 
 if TYPE_CHECKING:
-    import distributed  # an extra; whoever flies here does without
+    import distributed  # an extra; not needed on this computer alone
 
 CONNECT_S = 5.0
 """Seconds to wait for a scheduler or its first worker."""
 
 ProgressCallback = Callable[[int, int], None]
-"""Called with the number of flights done, and of all."""
+"""Called with the number of flights done and the total."""
 
 
 CampaignT = TypeVar("CampaignT")
@@ -35,7 +36,7 @@ AnswerT = TypeVar("AnswerT")
 
 @dataclass(frozen=True, slots=True)
 class CampaignRunner:
-    """Flies the parts of a campaign."""
+    """Run the chunks of a campaign."""
 
     processes: int
     """Processes on this computer."""
@@ -49,13 +50,13 @@ class CampaignRunner:
         parts: Sequence[FlightChunk],
         told: ProgressCallback,
     ) -> list[AnswerT]:
-        """Return the answer to each part, in their order.
+        """Return the answer of each chunk, in order.
 
         Args:
-            flown: flies a part; a function of a module, so that another process finds it.
-            campaign: what is flown.
-            parts: of it.
-            told: called after each part.
+            flown: Flies a chunk; a module-level function, so that another process can import it.
+            campaign: The campaign.
+            parts: Its chunks.
+            told: Called after each chunk.
 
         Raises:
             ExecutorError: a process or a worker was lost.
@@ -76,7 +77,7 @@ class CampaignRunner:
             return answers
         with start_worker_pool(processes) if self.client is None else _open_cluster(self.client) as pool:
             try:
-                # What is the same for all goes to each worker of a cluster once, not with each part.
+                # Shared data is sent to each worker of a cluster once, not with each chunk.
                 shared = campaign if self.client is None else self.client.scatter(campaign, broadcast=True)
                 with defer_ctrl_c():
                     jobs |= {pool.submit(flown, shared, part): part for part in parts}
@@ -98,7 +99,7 @@ class CampaignRunner:
 
 @contextmanager
 def _open_cluster(client: distributed.Client) -> Iterator[Executor]:
-    """Give a cluster's workers as if they were processes of this computer."""
+    """Open a cluster's workers as if they were processes of this computer."""
     import distributed
 
     try:
@@ -109,7 +110,7 @@ def _open_cluster(client: distributed.Client) -> Iterator[Executor]:
 
 @contextmanager
 def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[CampaignRunner]:
-    """Give what flies campaigns; a cluster is connected to at once, before anything is computed.
+    """Open a runner of campaigns; it connects to a cluster at once, before anything is computed.
 
     Args:
         jobs: processes on this computer; None for one per processor.
@@ -117,7 +118,7 @@ def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[Camp
 
     Raises:
         ExtraMissing: the cluster's client is not installed.
-        ConnectionFailed: the cluster is away.
+        ConnectionFailed: the cluster does not answer.
     """
     if dask is None:
         yield CampaignRunner(jobs or os.cpu_count() or 1)
@@ -145,9 +146,9 @@ SWEEP_CHUNK = 500
 
 
 def sweep_mtbf(content: RiskCampaign, seed: int, *, flights: int) -> tuple[RiskCampaign, tuple[FlightChunk, ...]]:
-    """Return a campaign over a range of times between failures around the given one, and its chunks.
+    """Return a campaign over a range of mean times between failures around the given one, and its chunks.
 
-    It shares the table of first losses, so what it costs are its flights.
+    It shares the table of first losses, so its cost is that of its flights.
     """
     hours = tuple(factor * content.mtbf_h[0] for factor in SWEEP)
     return replace(content, mtbf_h=hours), split_flights(min(flights, SWEEP_FLIGHTS), seed, per_chunk=SWEEP_CHUNK)

@@ -69,11 +69,11 @@ DAY_S = 86_400.0
 
 
 def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) -> DayPlanFile:
-    """Return the days of a site without a plan: nobody flies, every segment that can be reached is uncovered.
+    """Return the days of a site without sorties: every reachable segment is uncovered.
 
     Args:
         ground: The site.
-        segments: What is to be inspected; everything if not given.
+        segments: Segments to inspect; all by default.
 
     Raises:
         SiteError: a base, a speed or a name cannot be used, or none of the segments can be reached.
@@ -128,7 +128,7 @@ def _build_day_vehicles(
     days: Sequence[Pair],
     pads: Sequence[Sequence[Base]],
 ) -> Iterator[DayVehicle]:
-    """Yield who flies: from which base, on what budget and when."""
+    """Yield the vehicles that fly: base, budget and hours of each."""
     names = tuple(base.name for base in tables)
     autopilots = {one.name: one.autopilot for one in ground.site.vehicle}
     for own, at in zip(build_vehicles(ground), pads, strict=True):
@@ -150,7 +150,7 @@ def solve_day(
     spares: Collection[str] = (),
     on_progress: Callable[[Progress], None] | None = None,
 ) -> DayPlanFile:
-    """Return days with a plan, in which nothing is planned for those who stand by."""
+    """Return days with a plan, without sorties for spares."""
     instance = content.build_instance()
     flies = np.array([[own.name not in spares] for own in instance.vehicles])
     found = solve_sorties(
@@ -163,15 +163,15 @@ def solve_day(
 
 @dataclass(frozen=True, slots=True)
 class PricedDays:
-    """The problem of a plan of days, and all moves in it."""
+    """Problem of a day plan, with all its moves priced."""
 
     instance: SortieInstance
     table: MoveTable
 
 
 def price_days(content: DayPlanFile) -> PricedDays:
-    """Return what every re-plan of these days is searched in."""
-    # Only here: it loads the kernels.
+    """Return the priced problem for every re-plan of these days."""
+    # Imported here only: it loads the kernels.
     from planner.sorties.sortie_annealing import build_move_table
 
     instance = content.build_instance()
@@ -181,16 +181,16 @@ def price_days(content: DayPlanFile) -> PricedDays:
 def preview_day_loss(
     content: DayPlanFile, lost: str, at_s: float, *, seed: int, priced: PricedDays | None = None
 ) -> tuple[DayPlanFile, bool]:
-    """Re-plan days for the loss of one vehicle for good; returns too whether everything is inspected.
+    """Re-plan days after one vehicle is lost for good; return also whether everything is inspected.
 
-    What the lost vehicle has landed with counts, sorties under way are flown to their end, and spares fly.
+    Segments count once the lost vehicle has landed with them, sorties under way are completed, and spares fly.
 
     Args:
         content: The plan.
         lost: The vehicle's name.
-        at_s: When it is lost, in seconds from the first midnight.
-        seed: Of the search.
-        priced: As `price_days` has it, where that was asked already.
+        at_s: Time of the loss, in seconds from the first midnight.
+        seed: Random seed of the search.
+        priced: Result of `price_days`, if already computed.
 
     Raises:
         PlanFileError: the plan has no such vehicle.
@@ -212,14 +212,14 @@ def preview_day_loss(
 
 
 def list_spares(ground: SiteModel) -> list[str]:
-    """Return the vehicles of a site that stand by on its days."""
+    """Return the spares of a site's days."""
     return [] if ground.site.day is None else [one.name for one in ground.site.day.vehicle if one.spare]
 
 
 def _check_landings(
     ground: SiteModel, vehicles: Sequence[DayVehicle], bases_m: Mapping[str, tuple[float, float]]
 ) -> None:
-    """Refuse bases of others where a vehicle may land, and that are in an area or that no way leads to."""
+    """Refuse bases where a vehicle may land that lie in an area or cannot be reached from its pad."""
     for own in vehicles:
         areas, pads = ground.setup.obstacles_for(own.name).areas, dict(zip(bases_m, own.pads, strict=True))
         for name in own.lands if areas else ():
@@ -246,7 +246,7 @@ def _build_pad(ground: SiteModel, vehicle: str, place: BasePlace, at_m: tuple[fl
 
 
 def _collect_speeds_m_s(ground: SiteModel) -> dict[str, tuple[float, float]]:
-    """Return at which speeds, in transit and along the line, those fly who differ."""
+    """Return the speeds of vehicles that differ from the site's, in transit and along the line, by name."""
     inspection, found = ground.site.inspection, {}
     most_m_s = top_speed_m_s(ground.drone) - math.hypot(*inspection.wind_m_s)
     for index, other in enumerate(ground.site.day.vehicle if ground.site.day is not None else ()):
@@ -266,9 +266,9 @@ def _collect_speeds_m_s(ground: SiteModel) -> dict[str, tuple[float, float]]:
 def _compute_transfers_s(
     table: DayTable, names: list[str], at_m: list[tuple[float, float]]
 ) -> tuple[tuple[float | None, ...], ...]:
-    """Return seconds from base to base, the shortest way; None without any.
+    """Return driving times from base to base by the shortest route, in seconds; None if there is none.
 
-    Roads that are named count as they are, the others by their straight distances.
+    Listed roads count as given, all other pairs by straight distance.
     """
     number = {name: place for place, name in enumerate(names)}
     roads: dict[tuple[int, int], float] = {}
@@ -288,7 +288,7 @@ def _compute_transfers_s(
 
 
 def _bar_segments(ground: SiteModel, table: DayTable, pricing: Pricing) -> Pricing:
-    """Return a pricing in which vehicles are given no other segments than [[day.vehicle]] names for them."""
+    """Return a pricing in which vehicles get only the segments that [[day.vehicle]] lists for them."""
     names, barred, spares = SpanNames(ground.network), dict(pricing.barred), list_spares(ground)
     for index, lock in enumerate(ground.site.lock):
         if lock.vehicle in spares:
@@ -306,14 +306,14 @@ def _bar_segments(ground: SiteModel, table: DayTable, pricing: Pricing) -> Prici
 SAME_M_S = 1e-6
 """Difference below which two speeds are equal."""
 _SPEEDS = {"inspection_speed_m_s": "speed_m_s", "transit_speed_m_s": "transit_speed_m_s"}
-"""Speeds of a vehicle's flight model, by site key."""
+"""Speeds in a vehicle's flight model, by site key."""
 
 
 def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFile:
-    """Return the plan of a day's first flights, as the day prices them; everything else is left for later ones.
+    """Return the plan of a day's first sorties, with the day plan's prices; all other segments are left for later ones.
 
     Raises:
-        PlanFileError: the day plan is another site's, or cannot be flown: one line that says where.
+        PlanFileError: the day plan is another site's, or cannot be flown: one line with the place.
     """
     _check_day_plan(content, ground)
     content = replace(content, pricing=_price_first_landings(content))
@@ -336,13 +336,13 @@ def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFil
 
 
 def select_day(content: DayPlanFile, number: int, inspected: Collection[int], names: Collection[str]) -> DayPlanFile:
-    """Return what is left of one day of a plan, as a plan of that day alone; the rest of the plan is left over in it.
+    """Return the rest of one day of a plan, as a plan of that day alone; the rest of the plan is left over in it.
 
     Args:
         content: The plan.
-        number: Of the day among those of the plan, from 0.
-        inspected: Ids of segments that are not flown again.
-        names: Of the vehicles that still fly; the sorties of the others are left over too.
+        number: Index of the day in the plan, from 0.
+        inspected: Ids of segments not to fly again.
+        names: Vehicles that still fly; the sorties of the others are left over too.
     """
     opens_s, closes_s = content.days[number]
     kept = [place for place, segment in enumerate(content.segments) if segment.id not in inspected]
@@ -382,7 +382,7 @@ def select_day(content: DayPlanFile, number: int, inspected: Collection[int], na
 def _select_reached(
     content: DayPlanFile, stands: Mapping[str, str], routes: Iterable[PlanRoute]
 ) -> Iterator[PlanRoute]:
-    """Yield the sorties that begin where their vehicle can be: what led elsewhere may be inspected, and not flown."""
+    """Yield the sorties that start where their vehicle can be; others may be inspected, and not flown."""
     place, number = dict(stands), content.base_names.index
     for route in routes:
         if content.transfers_s[number(place[route.vehicle])][number(route.base)] is not None:
@@ -391,7 +391,7 @@ def _select_reached(
 
 
 def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, ...]]:
-    """Return every vehicle's sorties of the first day, with the network's visits."""
+    """Return every vehicle's sorties of the first day, as visits of the network."""
     begins_s, moving = _first_take_off_s(content), _find_moving_vehicles(content)
 
     def build(one: PlanRoute) -> PlannedSortie:
@@ -402,7 +402,7 @@ def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, 
 
 
 def _find_moving_vehicles(content: DayPlanFile) -> dict[str, DayVehicle]:
-    """Return by name those whose sorties of the first day do not all begin and end where they stand."""
+    """Return by name the vehicles whose sorties of the first day do not all begin and end at their own base."""
     first = _select_first_day(content)
     return {
         own.name: own
@@ -412,7 +412,7 @@ def _find_moving_vehicles(content: DayPlanFile) -> dict[str, DayVehicle]:
 
 
 def find_day_pads(content: DayPlanFile, ground: SiteModel, setup: FlightSetup) -> dict[str, dict[str, Pad]]:
-    """Return the pads of those whose sorties do not all begin and end at one base, by their name and the base's."""
+    """Return the pads of vehicles whose sorties use several bases, by vehicle and base name."""
     found, first = {}, _select_first_day(content)
     for name, own in _find_moving_vehicles(content).items():
         known = {**ground.day_pads.get(name, {}), own.base: setup.pad_of(name)}
@@ -422,20 +422,20 @@ def find_day_pads(content: DayPlanFile, ground: SiteModel, setup: FlightSetup) -
 
 
 def add_day_pads(setup: FlightSetup, pads: Mapping[str, Mapping[str, Pad]]) -> FlightSetup:
-    """Return the heights and pads of a flight with all pads of those who land at several bases."""
+    """Return the heights and pads of a flight, with all pads of the vehicles that land at several bases."""
     return replace(setup, day_pads=tuple(pad for own in pads.values() for pad in own.values()))
 
 
 def find_first_landings(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]]) -> dict[str, Pad]:
-    """Return where those land on their first sortie, by name, who do not land where they take off."""
+    """Return first landing pads by vehicle name, for vehicles that do not land where they take off."""
     firsts = {name: own[0] for name, own in _select_first_day(content).items() if own and name in pads}
     return {name: pads[name][one.lands] for name, one in firsts.items() if one.base != one.lands}
 
 
 def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]:
-    """Return the network's visits of everybody's first sorties by name, of the second ones, and so on.
+    """Return the network visits of every vehicle's first sortie by name, then of the second ones, and so on.
 
-    Only of those that end at the base where the vehicle stands: others are not flown.
+    Only sorties that end at the vehicle's own base count: others are not flown.
     """
     rounds = list[dict[str, tuple[int, ...]]]()
     for own in content.vehicles:
@@ -447,11 +447,11 @@ def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]
 
 
 def build_day_rules(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]] = MappingProxyType({})) -> DayRules:
-    """Return what a day plan says beside its sorties; its clock begins with the first planned take-off.
+    """Return a day plan's rules besides its sorties; its clock begins with the first planned take-off.
 
     Args:
         content: The plan.
-        pads: As `find_day_pads` has them.
+        pads: Result of `find_day_pads`.
     """
     begins_s, until_s = _first_take_off_s(content), content.days[0][1]
     return DayRules(
@@ -471,7 +471,7 @@ def build_day_rules(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]] 
 
 
 def find_later_segments(content: DayPlanFile) -> frozenset[int]:
-    """Return the network's segments that are planned for a vehicle's second sortie of the day, or a later one."""
+    """Return the network segments planned for a vehicle's second or later sortie of the day."""
     later = [route for own in _select_first_day(content).values() for route in own[1:]]
     return frozenset(visit.segment for route in later for visit in route.visits)
 
@@ -507,7 +507,7 @@ def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
 def _check_bases(
     content: DayPlanFile, ground: SiteModel, own: DayVehicle, sorties: Sequence[PlanRoute]
 ) -> Iterator[str]:
-    """Yield why a vehicle's sorties of a day cannot be flown from base to base."""
+    """Yield the reasons why a vehicle's sorties of a day cannot be flown from base to base."""
     tables, pads = base_tables(ground.site, ground.network.frame), dict(zip(content.base_names, own.pads, strict=True))
     if own.base != next(base.name for base in tables if own.name in base.vehicles):
         yield f"{own.name}: expected at base {own.base}, where it begins the day: name it there in [[base]]"
@@ -538,7 +538,7 @@ def _check_bases(
 
 
 def _compute_return_pct(content: DayPlanFile, own: DayVehicle, sortie: PlanRoute) -> float:
-    """Return the most that a sortie takes with a return to where it took off, from a segment's end or its landing."""
+    """Return the most battery that a sortie uses including RTL to its take-off, from a segment's end or its landing."""
     moves, _ = price_fleet(content.pricing, [own.name])
     home, pad = (own.pads[content.base_names.index(base)] for base in (sortie.base, sortie.lands))
     visits = list(content.visits_of(sortie))
@@ -551,7 +551,7 @@ def _compute_return_pct(content: DayPlanFile, own: DayVehicle, sortie: PlanRoute
 
 
 def _price_first_landings(content: DayPlanFile) -> Pricing:
-    """Return the prices of the first sorties, each from where it begins to where it ends."""
+    """Return the prices of the first sorties, each from its start to its landing."""
     bases, starts, first = dict(content.pricing.bases), dict[str, Base](), _select_first_day(content)
     for own in content.vehicles:
         for one in first[own.name][:1]:

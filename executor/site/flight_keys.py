@@ -66,7 +66,7 @@ class FaultsTable(SiteTable):
 class FenceTable(SiteTable):
     """Fence and rally points of each vehicle, made from the plan.
 
-    With this table, what is on board is read and held against the plan; nothing is changed there without `enabled`.
+    With this table, the fence on board is read and checked against the plan; it is changed only with `enabled`.
     """
 
     enabled: bool = False
@@ -101,7 +101,7 @@ class SigningTable(SiteTable):
 
 
 class RadioTable(SiteTable):
-    """A telemetry radio, by what its RADIO_STATUS names as its sender."""
+    """A telemetry radio, identified by the sender of its RADIO_STATUS."""
 
     system: Annotated[int, Field(ge=1, le=255)]
     """MAVLink system id of the radio; SiK radios use 51."""
@@ -110,7 +110,7 @@ class RadioTable(SiteTable):
 
 
 class LinkTable(SiteTable):
-    """Our own number, other senders, and what the links carry."""
+    """Our own system id, other senders, and the capacity of the links."""
 
     station_sysid: Annotated[int, Field(ge=1, le=255)] = GROUND_STATION[0]
     """MAVLink system id of faultline; no vehicle and no other ground station may have it. QGroundControl and Mission
@@ -136,17 +136,17 @@ class LinkTable(SiteTable):
 
     @property
     def station(self) -> tuple[int, int]:
-        """Our own system and component."""
+        """Our system and component id."""
         return self.station_sysid, GROUND_STATION[1]
 
     @property
     def senders(self) -> frozenset[tuple[int, int]] | None:
-        """System and component of each radio."""
+        """System and component id of each radio."""
         return None if self.radios is None else frozenset((radio.system, radio.component) for radio in self.radios)
 
 
 class ForwardTable(SiteTable):
-    """Other ground stations: what vehicles send goes to them, and what they send to the vehicles if that is allowed."""
+    """Other ground stations: they receive all frames of the vehicles, and may send to them if allowed."""
 
     to: tuple[str, ...] = ()
     """Addresses of other stations, in the form of a vehicle's `connection`: `udpout://127.0.0.1:14550` calls
@@ -175,7 +175,7 @@ class ForwardTable(SiteTable):
 
     @property
     def ports(self) -> tuple[Connection, ...]:
-        """The connections, read."""
+        """Parsed connections."""
         return tuple(map(parse_connection, self.to))
 
 
@@ -195,7 +195,7 @@ def parse_clock_s(text: str) -> float:
 
 
 class BaseTable(SiteTable):
-    """A place where vehicles take off and land. Without any, the depot is the only one, with packs for everybody."""
+    """A place where vehicles take off and land. Without any, the depot is the only one, with unlimited packs."""
 
     name: Name
     """Name of the base: a letter, then letters, digits, - and _."""
@@ -217,7 +217,7 @@ class BaseTable(SiteTable):
 
 
 class RoadTable(SiteTable):
-    """A way on which a vehicle is driven from base to base; ways are put together."""
+    """A road on which a vehicle is driven from base to base; roads are combined into routes."""
 
     between: tuple[Name, Name]
     """Two bases."""
@@ -226,7 +226,7 @@ class RoadTable(SiteTable):
 
 
 class QuietTable(SiteTable):
-    """A time of every day in which vehicles do not fly: noise, other traffic."""
+    """A period of every day in which vehicles do not fly: noise, other traffic."""
 
     begin: Clock
     """Such as `"12:00"`."""
@@ -241,7 +241,7 @@ class QuietTable(SiteTable):
 
 
 class OtherTable(SiteTable):
-    """In what a vehicle differs from the others."""
+    """Differences of one vehicle from the others."""
 
     name: str
     """The vehicle."""

@@ -1,6 +1,6 @@
-"""Background of the map: relief, picture and attribution, and its files in a run directory.
+"""Draw the background of the map: relief, picture and attribution, and its files in a run directory.
 
-`ground.json` holds all but the pictures beside it. The page is given the same files.
+`ground.json` holds everything but the pictures next to it. The page gets the same files.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ BOLD = 5
 
 
 class Heights(Protocol):
-    """What knows the ground's heights."""
+    """Source of ground heights."""
 
     @property
     def cell_m(self) -> float:
-        """The size of the smallest cells."""
+        """Size of the smallest cells."""
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
-        """Return (norths, easts) heights above mean sea level; not a number where nobody knows."""
+        """Return (norths, easts) heights above mean sea level; NaN where unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contour:
-    """One line of one height."""
+    """One contour line."""
 
     height_m: float
     places_m: tuple[tuple[float, float], ...]
@@ -66,7 +66,7 @@ class Contour:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hillshade:
-    """The ground of an area, on a grid of square cells."""
+    """Relief of an area, on a grid of square cells."""
 
     heights_m: npt.NDArray[np.float32]
     """(rows, columns) above mean sea level in the middles of cells, the northernmost row first."""
@@ -82,7 +82,7 @@ class Hillshade:
 def compute_hillshade(
     known: Heights, low_m: Corner, high_m: Corner, contour_m: float | None = None
 ) -> Hillshade | None:
-    """Return the ground of an area; None where no height of it is known."""
+    """Return the relief of an area; None if no height of it is known."""
     rows, columns = choose_grid_size(low_m, high_m, MOST_CELLS, max(known.cell_m, LEAST_CELL_M))
     easts_m, norths_m = (
         _compute_cell_middles(low_m[0], high_m[0], columns),
@@ -100,7 +100,7 @@ def compute_hillshade(
 
 
 def interval_for(relief_m: float) -> float:
-    """Return the height between contour lines that suits an area whose heights differ by so much.
+    """Return the height between contour lines that suits an area's range of heights.
 
     >>> interval_for(6.0), interval_for(140.0), interval_for(2600.0)
     (0.5, 10.0, 200.0)
@@ -109,10 +109,10 @@ def interval_for(relief_m: float) -> float:
 
 
 def shade_heights(heights_m: npt.NDArray[np.float32], step_m: tuple[float, float]) -> npt.NDArray[np.uint8]:
-    """Return (rows, columns, 2): how light every cell of a grid is, its northernmost row first, and how opaque.
+    """Return (rows, columns, 2): lightness and opacity of every cell of a grid, its northernmost row first.
 
     Args:
-        heights_m: Of the ground.
+        heights_m: Ground heights.
         step_m: Width and height of a cell.
     """
     north, east = np.gradient(heights_m.astype(np.float64), -step_m[1], step_m[0])
@@ -120,7 +120,7 @@ def shade_heights(heights_m: npt.NDArray[np.float32], step_m: tuple[float, float
     steep = float(np.nanpercentile(slope, 90)) if np.isfinite(slope).any() else 0.0
     more = min(MOST_EXAGGERATION, max(1.0, GENTLE / steep)) if steep > 0.0 else 1.0
     from_rad, up_rad = math.radians(SUN_DEG), math.radians(SUN_UP_DEG)
-    # The sun's direction against the normal of the ground, both of length 1.
+    # Cosine between the sun's direction and the ground's normal, both unit vectors.
     towards = more * (east * math.sin(from_rad) + north * math.cos(from_rad))
     light = (math.sin(up_rad) - math.cos(up_rad) * towards) / np.sqrt(1.0 + (more * slope) ** 2)
     known = np.isfinite(light)
@@ -163,7 +163,7 @@ MOST_PIXELS = 6_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundView:
-    """The ground around a line; either may be missing."""
+    """Ground around a line: relief and picture, each optional."""
 
     low_m: Corner
     high_m: Corner
@@ -175,18 +175,18 @@ class GroundView:
 def build_ground_view(
     table: MapTable | None, base: Path, frame: LocalFrame, places_m: FloatArray, heights: Heights | None = None
 ) -> GroundView:
-    """Return the ground around places, as a site wants it.
+    """Return the ground around places, as a site configures it.
 
     Args:
-        table: What the site says of maps; None if nothing.
-        base: The folder of the site file.
+        table: Map table of the site; None if there is none.
+        base: Folder of the site file.
         frame: Local metres.
-        places_m: (n, 2) what must be on the map: pylons, pads.
-        heights: Who knows the ground's heights, if anybody does.
+        places_m: (n, 2) places that must be on the map: pylons, pads.
+        heights: Source of the ground's heights, if there is one.
 
     Raises:
         BackgroundError: the picture cannot be used.
-        ExtraMissing: nothing is installed to read it with.
+        ExtraMissing: no library to read it is installed.
     """
     table = table or MapTable()
     low_m, high_m = compute_shown_area(places_m)
@@ -207,7 +207,7 @@ def view_for(ground: SiteModel, base: Path) -> GroundView:
 
     Raises:
         BackgroundError: the picture cannot be used.
-        ExtraMissing: nothing is installed to read it with.
+        ExtraMissing: no library to read it is installed.
     """
     pads_m = np.array([(pad.east_m, pad.north_m) for pad in ground.setup.pads])
     places_m = np.concatenate((ground.network.positions_m, pads_m))
@@ -216,7 +216,7 @@ def view_for(ground: SiteModel, base: Path) -> GroundView:
 
 
 def compute_shown_area(places_m: FloatArray) -> tuple[Corner, Corner]:
-    """Return the corners of the area that is shown around (n, 2) places and the depot."""
+    """Return the corners of the area shown around (n, 2) places and the depot."""
     shown = np.concatenate((places_m, np.zeros((1, 2))))
     low, high = shown.min(axis=0), shown.max(axis=0)
     beside_m = BESIDE_M + BESIDE * float((high - low).max())
@@ -226,7 +226,7 @@ def compute_shown_area(places_m: FloatArray) -> tuple[Corner, Corner]:
 
 DOCUMENT, PHOTO, RELIEF = "ground.json", "ground-photo.webp", "ground-relief.png"
 PHOTO_BYTES = 2_000_000
-"""Most bytes of the picture: half a minute for a phone in the field."""
+"""Most bytes of the picture: half a minute of download for a phone in the field."""
 QUALITIES = (80, 65, 50)
 MOST_HEIGHTS = 40_000
 """Most heights sent to the page, which interpolates between them."""
@@ -279,7 +279,7 @@ class GroundDocument(Document):
 
 
 def encode_ground(view: GroundView, frame: LocalFrame) -> dict[str, bytes]:
-    """Return the files of a ground by their names."""
+    """Return the files of a background by name."""
     files: dict[str, bytes] = {}
     if view.background is not None:
         files[PHOTO] = _compress_photo(view.background.pixels)
@@ -298,7 +298,7 @@ def encode_ground(view: GroundView, frame: LocalFrame) -> dict[str, bytes]:
 
 
 def write_ground(run: Path, view: GroundView, frame: LocalFrame) -> None:
-    """Write a ground into a run directory, if there is anything to be seen of it.
+    """Write a background into a run directory, if there is anything to show.
 
     Raises:
         OSError: it cannot be written.
@@ -311,7 +311,7 @@ def write_ground(run: Path, view: GroundView, frame: LocalFrame) -> None:
 
 
 def read_ground_files(run: Path) -> dict[str, bytes]:
-    """Return the files of the ground that a run directory keeps; empty if it keeps none.
+    """Return the background files in a run directory; empty if there are none.
 
     Raises:
         LogError: one of them cannot be used.
@@ -359,7 +359,7 @@ def _build_degrees_part(view: GroundView, frame: LocalFrame) -> DegreesPart:
 
 
 def _compress_photo(pixels: Pixels) -> bytes:
-    """Return a picture's file, small enough for a radio link: first less exact, then with fewer pixels."""
+    """Return a picture's file, small enough for a radio link: first with lower quality, then with fewer pixels."""
     found = b""
     while True:
         for quality in QUALITIES:

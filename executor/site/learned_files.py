@@ -1,4 +1,4 @@
-"""packs.json and learned.json: what earlier flights revealed about packs and vehicles, for the next plan."""
+"""Read and write packs.json and learned.json: what earlier flights revealed about packs and vehicles."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FourDigits = AfterValidator(partial(round, ndigits=4))
 
 
 class PackEntry(Document):
-    """One flight of one pack; None where the log does not say."""
+    """One flight of one pack; None where the log lacks a value."""
 
     log: str
     """Name of the log file."""
@@ -61,7 +61,7 @@ class PackEntry(Document):
 
 
 class PacksDocument(Document):
-    """What is known of packs."""
+    """Known flights of packs."""
 
     expected = "what flights taught about packs"
     format: Literal["faultline-packs/1"]
@@ -70,7 +70,7 @@ class PacksDocument(Document):
 
 @dataclass(frozen=True, slots=True)
 class SitePacks:
-    """What is known of a site's packs."""
+    """History of a site's packs."""
 
     fitted: Mapping[str, PackHistory] = field(default_factory=dict)
     """Packs that vehicles start with, by vehicle name."""
@@ -79,7 +79,7 @@ class SitePacks:
 
 
 def load_site_packs(site: Site, base: Path) -> SitePacks:
-    """Return what is known of the packs that vehicles fly with.
+    """Return the history of the packs that vehicles fly with.
 
     Raises:
         LogError: the file that `energy.packs` names cannot be used.
@@ -94,7 +94,7 @@ def load_site_packs(site: Site, base: Path) -> SitePacks:
 
 
 def _build_history(label: str, flights: tuple[PackEntry, ...]) -> PackHistory:
-    # Logs without a date come first: nobody knows how old they are.
+    # Logs without a date come first: their age is unknown.
     mine = sorted(
         (one for one in flights if one.label == label),
         key=lambda one: one.began_usec if one.began_usec >= UNIX_USEC else 0,
@@ -106,11 +106,11 @@ USEC = 1e6
 
 
 def build_flown_packs(state: FleetState, log: str, began_unix_s: float) -> PacksDocument:
-    """Return what the sorties of a flight say of the packs that the crew named, or changed.
+    """Return the pack entries of a flight's sorties, for packs that the crew named or changed.
 
     Args:
-        state: At its end.
-        log: The name of its run directory.
+        state: State at the end of the flight.
+        log: Name of its run directory.
         began_unix_s: Seconds since 1970 at which its clock was 0.
     """
     entries = []
@@ -121,7 +121,7 @@ def build_flown_packs(state: FleetState, log: str, began_unix_s: float) -> Packs
                 continue
             if one.began_pct is None or one.ended_pct is None:
                 continue
-            # A pack without a label is another one for each sortie: nobody knows better.
+            # A pack without a label counts as a new one for each sortie, as nothing identifies it.
             number = numbers.setdefault((one.pack, 0 if one.pack else at), len(numbers) + 1)
             entries.append(
                 PackEntry.build_from(
@@ -146,7 +146,7 @@ Count = Annotated[Whole, Field(ge=0)]
 
 
 class PacePart(Document):
-    """A factor on the times of legs: 1 is as the model has it, more is slower."""
+    """Factor on the times of legs: 1 matches the model, more is slower."""
 
     mean: Ratio
     sd: Deviation
@@ -155,7 +155,7 @@ class PacePart(Document):
 
 
 class ConsumptionPart(Document):
-    """What a vehicle uses relative to the energy model."""
+    """Consumption of a vehicle relative to the energy model."""
 
     mean: Power
     sd: Deviation
@@ -164,7 +164,7 @@ class ConsumptionPart(Document):
 
 
 class LearnedVehicle(Document):
-    """What is known of one vehicle."""
+    """Learned figures of one vehicle."""
 
     name: str
     autopilot: str
@@ -180,7 +180,7 @@ class LearnedVehicle(Document):
 
 
 class LearnedDocument(Document):
-    """What flights taught about vehicles."""
+    """Learned figures of all vehicles."""
 
     expected = "what a flight taught about its vehicles"
     format: Literal["faultline-learned/1"]
@@ -198,7 +198,7 @@ class LearnedDocument(Document):
 
     @property
     def known_by_name(self) -> dict[str, KnownVehicle]:
-        """Return what is known, by the vehicle's name."""
+        """Learned figures by vehicle name."""
         return {one.name: _parse_known(one) for one in self.vehicles}
 
 
@@ -220,13 +220,13 @@ def build_learned_document(known: Mapping[str, KnownVehicle], date: str) -> Lear
 def learn_from_flight(
     context: Context, state: FleetState, before: Mapping[str, KnownVehicle], date: str
 ) -> LearnedDocument:
-    """Return what is known of a fleet after a flight.
+    """Return a fleet's learned figures after a flight.
 
     Args:
-        context: Of the flight.
-        state: At its end.
-        before: What the flight began with, by the vehicle's name.
-        date: Of its end.
+        context: Context of the flight.
+        state: State at its end.
+        before: Learned figures at its start, by vehicle name.
+        date: Date of its end.
     """
     known = {}
     for name, setup in context.vehicles.items():
@@ -244,7 +244,7 @@ def learn_from_flight(
 
 
 def describe_learned(vehicle: LearnedVehicle) -> str:
-    """Return in one line what is known of a vehicle."""
+    """Return a vehicle's learned figures in one line."""
 
     def of(part: PacePart | ConsumptionPart) -> str:
         return f"{100 * part.mean:.0f} ± {100 * part.sd:.0f} %"

@@ -1,4 +1,4 @@
-"""Site-file keys of [mqtt] and [web]: where a flight is shown, and who may send intents."""
+"""Site-file keys of [mqtt] and [web]: where a flight is published, and which senders of intents are accepted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from executor.site.site_keys import EnvironmentName, FileName, HostName, SiteTab
 
 
 class MqttTable(SiteTable):
-    """The MQTT broker where the flight is published and intents are taken from."""
+    """The MQTT broker that publishes the flight and delivers intents."""
 
     host: HostName = "127.0.0.1"
     """Host name or address of the broker."""
@@ -59,13 +59,13 @@ class MqttTable(SiteTable):
 
     @property
     def used_port(self) -> int:
-        """The port, or else the usual one."""
+        """Port, or the protocol's default."""
         usual = {(False, False): 1883, (False, True): 8883, (True, False): 80, (True, True): 443}
         return self.port or usual[self.websocket_path is not None, self.tls]
 
     @property
     def is_here(self) -> bool:
-        """Whether the broker is reached from this computer alone, as far as its name tells."""
+        """Whether the broker's name is that of this computer alone."""
         try:
             return self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
         except ValueError:
@@ -73,7 +73,7 @@ class MqttTable(SiteTable):
 
 
 class WebTable(SiteTable):
-    """The page to fly by."""
+    """The operator's page of a flight."""
 
     enabled: bool = True
     """Whether the page is served at all."""

@@ -1,4 +1,4 @@
-"""A site file to start from."""
+"""Write a site file to start from."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def render_site_template(vehicles: int, autopilot: str, **wish: object) -> str:
     """Return the text of a site file.
 
     Args:
-        vehicles: How many.
-        autopilot: Of all of them.
-        wish: What else the template asks for: `file`, the network's as seen from the site file's folder; `has_heights`,
-            whether the network knows those of its pylons; `depot`, None where the network's file says it; `radius_m`;
-            and `choice`, what else is said of the network's file, by its keys, None for what is not.
+        vehicles: Number of vehicles.
+        autopilot: Autopilot of all of them.
+        wish: Further inputs of the template: `file`, the network's path from the site file's folder; `has_heights`,
+            whether the network has pylon heights; `depot`, None if the network file has it; `radius_m`; and `choice`,
+            the other keys of the network table, None where unset.
     """
     fleet = [
         VehicleTable(
@@ -46,7 +46,7 @@ def _render_row(key: str, value: object, comment: str = "") -> str:
 
 
 def _shorten_figures(value: float | tuple[float, ...]) -> object:
-    """Return figures without a fraction that is 0."""
+    """Return figures without a fraction of 0."""
     if isinstance(value, tuple):
         return [_shorten_figures(one) for one in value]
     return int(value) if value.is_integer() else value

@@ -20,7 +20,7 @@ from planner.model import BARRED_PCT
 from planner.sorties import SparesEstimate
 
 NAMED = 50
-"""Most segments that a line names; it counts the others, and `--json` names all."""
+"""Most segments named in a line; the rest are counted, and `--json` names all."""
 NAMED_IN_CHECKLIST = 12
 OUT_OF_REACH = "out of range of every vehicle's budget"
 OUT_OF_ITS_RANGE = "out of range of its budget"
@@ -47,7 +47,7 @@ class LeftOver:
 
 
 def find_left_over(plan: PlanFile | DayPlanFile, later: Collection[int] = ()) -> tuple[LeftOver, ...]:
-    """Return what a plan does not inspect, and why; without those that later sorties have."""
+    """Return the segments that a plan does not inspect, with reasons; without those of later sorties."""
     left = [plan.positions[segment] for segment in plan.uncovered if segment not in later]
     if not left:
         return ()
@@ -71,7 +71,7 @@ def find_left_over(plan: PlanFile | DayPlanFile, later: Collection[int] = ()) ->
 
 
 def _list_alone_pct(plan: PlanFile | DayPlanFile) -> FloatArray:
-    """Return (k, 2n) what each vehicle needs for the way to a visit, along it and home, and nothing else."""
+    """Return (k, 2n) percentages that each vehicle needs to fly to a visit, along it and home, and nothing else."""
     if isinstance(plan, PlanFile):
         instance = plan.build_instance()
         return instance.start_pct + instance.home_pct
@@ -83,7 +83,7 @@ def _list_alone_pct(plan: PlanFile | DayPlanFile) -> FloatArray:
 
 
 def describe_routes(plan: PlanFile) -> Iterator[str]:
-    """Yield what each vehicle does."""
+    """Yield the route of each vehicle in words."""
     for vehicle, route in zip(plan.vehicles, plan.routes, strict=True):
         if not route.visits:
             yield f"{vehicle.name}: no segments, stays where it is"
@@ -95,7 +95,7 @@ def describe_routes(plan: PlanFile) -> Iterator[str]:
 
 
 def summarise_plan(plan: PlanFile) -> str:
-    """Return a plan in one line: what it inspects, how long it takes, by what it was chosen."""
+    """Return a plan in one line: segments, duration, cost function."""
     flown, asked = sum(len(route.visits) for route in plan.routes), len(plan.segments) + len(plan.unreachable)
     if not flown:
         return f"none of {asked} segments, nobody flies"
@@ -105,7 +105,7 @@ def summarise_plan(plan: PlanFile) -> str:
 
 
 def describe_window(plan: PlanFile) -> list[str]:
-    """Return in a line from when on the fleet can absorb any one loss, and the worst case before; none known."""
+    """Return a line with the start of the re-plan window, and the worst case before it; empty if unknown."""
     window = plan.window
     if window is None:
         return []
@@ -119,13 +119,13 @@ def describe_window(plan: PlanFile) -> list[str]:
 
 
 def but_left_over(plan: PlanFile) -> str:
-    """Return in words what is left over in any case; empty where the plan inspects everything."""
+    """Return in words what is left over in any case; empty if the plan inspects everything."""
     left = len(plan.uncovered)
     return f", with no more left over than the plan's {format_count(left, 'segment')}" if left else ""
 
 
 def describe_distances(plan: PlanFile) -> list[str]:
-    """Return in a line at which distance segments are inspected; none where everybody inspects in its layer."""
+    """Return a line with the inspection heights of segments; empty if every vehicle inspects in its layer."""
     if plan.inspection is None or not plan.inspection.same_distance:
         return []
     rows = [
@@ -136,11 +136,11 @@ def describe_distances(plan: PlanFile) -> list[str]:
 
 
 def describe_left_over(plan: PlanFile | DayPlanFile, most: int = NAMED, later: Collection[int] = ()) -> list[str]:
-    """Return what is left over, a line for each reason, each with the names of `most` segments at most.
+    """Return what is left over, a line for each reason, each with the names of at most `most` segments.
 
     Args:
         plan: The plan.
-        most: So many are named.
+        most: Most segments to name.
         later: Ids of the segments that later sorties of a day have.
     """
     reasons: dict[str, list[str]] = {}
@@ -154,7 +154,7 @@ def describe_left_over(plan: PlanFile | DayPlanFile, most: int = NAMED, later: C
 
 
 def describe_site_choices(ground: SiteModel) -> list[str]:
-    """Return which segments a site leaves out, and which it locks to whom and in which direction, in a line each."""
+    """Return the segments that a site leaves out, and those it locks to a vehicle or direction, a line each."""
     network, chosen = ground.network, dict[str, list[str]]()
     for segment in sorted(ground.left_out):
         chosen.setdefault("left out by the site", []).append(network.segment_name(segment))
@@ -170,13 +170,13 @@ def describe_site_choices(ground: SiteModel) -> list[str]:
 def build_plan_checks(
     plan: PlanFile, segments: int, later: Collection[int] = (), chosen: Sequence[str] = ()
 ) -> list[Check]:
-    """Return a plan as lines of the checklist, so that it is looked at before the question.
+    """Return a plan as lines of the checklist, so that the crew sees it before the question.
 
     Args:
-        plan: What is to be flown.
-        segments: Of the whole site, without what it leaves out.
+        plan: Plan to fly.
+        segments: Segments of the whole site, without those left out.
         later: Ids of the segments that later sorties of a day have.
-        chosen: As `describe_site_choices` has it.
+        chosen: Result of `describe_site_choices`.
     """
     lines = (*describe_routes(plan), summarise_plan(plan), *describe_window(plan), *chosen)
     found = [Check(Severity.OK, "plan", line, CheckCode.PLAN) for line in lines]
@@ -196,7 +196,7 @@ def build_plan_checks(
 
 @dataclass(frozen=True, slots=True)
 class PlannedHeights:
-    """What a plan's flights are over."""
+    """Heights of a plan's flights."""
 
     words: str
     warnings: tuple[str, ...]
@@ -204,20 +204,20 @@ class PlannedHeights:
 
     @property
     def lines(self) -> list[str]:
-        """What people read of it."""
+        """Lines for the crew."""
         return [f"heights: {self.words}", *(f"warning: {line}" for line in self.warnings)]
 
     def to_json(self) -> dict[str, object]:
-        """Return what a plan's JSON says of it."""
+        """Return the heights for a plan's JSON."""
         return {"heights": self.document, "warnings": list(self.warnings)}
 
 
 def compute_planned_heights(ground: SiteModel, rounds: Sequence[Mapping[str, tuple[int, ...]]]) -> PlannedHeights:
-    """Return by which heights a plan of a site would be flown.
+    """Return the heights by which a plan of a site would be flown.
 
     Args:
         ground: The site.
-        rounds: Each vehicle's visits of the network by its name; of a day of sorties its first ones, its second ones...
+        rounds: Each vehicle's visits of the network by name; for a day of sorties the first ones, the second ones...
 
     Raises:
         SiteError: its flights come too near to the ground or to a line, or into an area.
@@ -243,7 +243,7 @@ DAY_S = 86_400.0
 
 
 def format_day_time(seconds: float) -> str:
-    """Return a time of the days.
+    """Return the day and time of day.
 
     >>> when(86_400 + 30_630.0)
     'day 2 at 08:30'
@@ -254,7 +254,7 @@ def format_day_time(seconds: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class BaseNeeds:
-    """What a base needs on its hardest day."""
+    """Needs of a base on its busiest day."""
 
     name: str
     sorties: int
@@ -266,7 +266,7 @@ class BaseNeeds:
 
 
 def compute_base_needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:
-    """Return what each base needs."""
+    """Return the needs of each base."""
     return tuple(
         BaseNeeds(
             place.name, sum(one.base == place.name for one in content.routes), packs, _count_people(content, place)
@@ -305,7 +305,7 @@ def describe_day_sorties(content: DayPlanFile) -> Iterator[str]:
 
 
 def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
-    """Yield what each base needs, and when everything is done."""
+    """Yield the needs of each base, and when everything is done."""
     for base, own in zip(content.bases, compute_base_needs(content), strict=True):
         there = "" if base.packs is None else f" of {base.packs}"
         yield f"base {own.name}: {own.sorties} sorties and swaps, {own.packs}{there} packs, {own.people} people"
@@ -319,7 +319,7 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
 
 
 def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
-    """Yield until when each vehicle must not be lost for good."""
+    """Yield from when on each vehicle may be lost for good."""
     end = format_day_time(content.days[-1][1])
     for one in content.windows:
         name = one.vehicle
@@ -337,7 +337,7 @@ def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
 def compute_rule_packs(content: DayPlanFile, base: BasePlace) -> int | None:
     """Return the packs of arXiv 2604.15890 for a base: m (ceil(R) + 1) for m vehicles that fly from it.
 
-    R is the time a pack needs to fly again over the time that it flies. None where packs are charged overnight alone.
+    R is a pack's turnaround time over its flight time. None if packs are charged overnight only.
     """
     own = [one for one in content.routes if one.base == base.name]
     if base.recharge_s is None or not own:
@@ -347,7 +347,7 @@ def compute_rule_packs(content: DayPlanFile, base: BasePlace) -> int | None:
 
 
 def describe_spares(content: DayPlanFile, found: list[SparesEstimate], shares: list[float]) -> Iterator[str]:
-    """Yield the chance for each number of vehicles, and how many are enough."""
+    """Yield the probability for each number of vehicles, and how many are enough."""
     fleet = content.flying
     for one in found:
         lives, chance = one.lives, one.lives.finished
@@ -375,5 +375,5 @@ def describe_day(content: DayPlanFile) -> list[str]:
 
 
 def find_enough_spares(found: list[SparesEstimate], share: float) -> SparesEstimate | None:
-    """Return the fewest spares with which such a share was finished, and what they came to."""
+    """Return the fewest spares that reach a share of completed days, with their results."""
     return next((one for one in found if one.lives.finished.estimate >= share), None)

@@ -72,7 +72,7 @@ class Site(site_keys.SiteTable):
             yield "inspection.heights: expected 'known' beside [terrain], which knows the ground, got 'flat'"
 
     def _check_vehicles(self) -> Iterator[str]:
-        """Yield what vehicles have, and one alone may have."""
+        """Yield the names and system ids that several vehicles share."""
         for key in ("name", "sysid"):
             seen: dict[object, str] = {}
             for index, vehicle in enumerate(self.vehicle):
@@ -203,10 +203,10 @@ def _check_known(key: str, names: Sequence[str], known: Set[str]) -> Iterator[st
 
 
 def read_signing_key(site: Site, base: Path) -> bytes | None:
-    """Return the key that frames are signed with, 32 bytes; None if they are not.
+    """Return the key that frames are signed with, 32 bytes; None if they are not signed.
 
     Raises:
-        SiteError: there is none where the site says that it is.
+        SiteError: the key that the site names is missing.
     """
     table = site.signing
     if table is None:
@@ -236,7 +236,7 @@ def read_site(path: Path) -> Site:
 
 
 def read_toml(path: Path, expected: str) -> dict[str, Any]:
-    """Read a TOML file; `expected` says what it is, in words.
+    """Read a TOML file; `expected` describes its content, in words.
 
     Raises:
         SiteError: one line that names the file and what was expected.
@@ -254,14 +254,14 @@ def read_toml(path: Path, expected: str) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return what a text in TOML says.
+    """Return the content of a TOML text.
 
     Raises:
         SiteError: it is not TOML.
     """
     try:
         return tomllib.loads(text)
-    except ValueError as error:  # beside TOMLDecodeError: whole numbers of thousands of digits
+    except ValueError as error:  # not only TOMLDecodeError: also whole numbers of thousands of digits
         raise SiteError(f"not TOML: {error}") from error
     except RecursionError:
         raise SiteError(f"not TOML: {NESTED}") from None
@@ -282,13 +282,13 @@ def check_site(content: dict[str, Any], source: str) -> Site:
 
 
 def read_secret(variable: str | None, key: str, source: str, environment: Mapping[str, str] = os.environ) -> str | None:
-    """Return what an environment variable holds that a site file names; None if it names none.
+    """Return the value of an environment variable named in a site file; None if none is named.
 
     Args:
         variable: The variable.
-        key: The key of the site file that names it.
+        key: Site-file key that names it.
         source: The site file.
-        environment: Where it is looked for.
+        environment: The environment to search.
 
     Raises:
         SiteError: it is not set, or empty.

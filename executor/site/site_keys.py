@@ -1,4 +1,4 @@
-"""Site-file keys for what is there: ground, line, areas, places, vehicles, cameras."""
+"""Site-file keys for the site itself: ground, line, areas, places, vehicles, cameras."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MOST_LINKS = 4
 
 
 class SiteTable(BaseModel):
-    """A table of the file: it has no other keys than its own."""
+    """A table of the file; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -47,7 +47,7 @@ class SiteTable(BaseModel):
         return self
 
     def _find_errors(self) -> Iterator[str]:
-        """Yield what is wrong with what its keys say together."""
+        """Yield the errors in combinations of its keys."""
         yield from ()
 
 
@@ -63,7 +63,7 @@ class DepotTable(SiteTable):
 
 
 def check_where(text: str) -> str:
-    """Return a filter if it is one."""
+    """Return a filter if it is valid."""
     try:
         parse_where(text)
     except ValueError as error:
@@ -104,9 +104,9 @@ class NetworkTable(SiteTable):
 
 
 class LockTable(SiteTable):
-    """Spans that one vehicle alone flies, or that are flown in one direction alone; one of both is needed.
+    """Spans that only one vehicle flies, or that are flown in one direction only; at least one of both is needed.
 
-    When a vehicle is lost, others may fly what was locked to it.
+    When a vehicle is lost, others may fly the spans locked to it.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -158,7 +158,7 @@ class InspectionTable(SiteTable):
 
 
 class MapTable(SiteTable):
-    """What lies below the line on the page, in the report and in pictures. Nothing is fetched."""
+    """Background of the line on the page, in the report and in pictures. Nothing is fetched."""
 
     background: FileName | None = None
     """A picture of the ground, such as an orthophoto: GeoTIFF of any reference system, or MBTiles; relative to the site
@@ -173,7 +173,7 @@ GroundMargin = Annotated[float, Field(gt=0, le=500, allow_inf_nan=False)]
 
 
 class TerrainTable(SiteTable):
-    """The ground as a raster of heights knows it: every leg keeps a margin over it."""
+    """Ground heights from rasters: every leg keeps a margin above them."""
 
     files: FileName | Annotated[tuple[FileName, ...], Field(min_length=1)]
     """GeoTIFF or COG (Copernicus GLO-30), SRTM `.hgt`, DTED or ASCII grids, or folders of them, relative to the site
@@ -202,9 +202,9 @@ MARGIN_M = 10.0
 
 
 class AreaTable(SiteTable):
-    """Areas that flights keep out of, or keep low in: those of a file, or one polygon or line that stands here.
+    """Areas to keep out of, or to keep low in: those of a file, or one polygon or line given here.
 
-    A polygon is closed to every flight, unless it has a height limit; a line is the middle of a corridor.
+    A polygon is closed to every flight, unless it has a height limit; a line is the centre of a corridor.
     """
 
     name: PlaceName | None = None
@@ -247,7 +247,7 @@ class AreaTable(SiteTable):
 
 
 class PlaceTable(SiteTable):
-    """A place that people call by a name."""
+    """A named place."""
 
     name: PlaceName
     """Name used in messages, and in a vehicle's `pad`."""
@@ -262,7 +262,7 @@ class PlaceTable(SiteTable):
 
 
 class EnergyTable(SiteTable):
-    """The multicopter: a preset, and what differs from it."""
+    """The multicopter: a preset, and changes to it."""
 
     drone: str = "mavic3"
     """Preset: mavic2, mavic3, matrice200, matrice600, anafi-ai or skydio2. The other keys override its values."""
@@ -306,7 +306,7 @@ AutopilotKey = Annotated[
 
 
 def check_connection_kind(value: object) -> object:
-    """Return what stands for a connection if it is a text, or a list of texts."""
+    """Return the value of a connection if it is a text, or a list of texts."""
     if isinstance(value, str) or (isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)):
         return value
     raise PydanticCustomError("connection", "expected a text or a list of texts")
@@ -358,18 +358,18 @@ class VehicleTable(SiteTable):
 
     @property
     def links(self) -> tuple[Connection, ...]:
-        """Its connections, read, the preferred one first."""
+        """Parsed connections, the preferred one first."""
         several = (self.connection,) if isinstance(self.connection, str) else self.connection
         return tuple(map(parse_connection, several))
 
     @property
     def link(self) -> Connection:
-        """The preferred one."""
+        """Preferred connection."""
         return self.links[0]
 
     @property
     def requests(self) -> tuple[LinkRequest, ...]:
-        """Its links to be opened."""
+        """Links to open."""
         return tuple(LinkRequest(link, self.sysid) for link in self.links)
 
 
@@ -401,7 +401,7 @@ class CameraTable(SiteTable):
 
 
 class LookTable(SiteTable):
-    """What spans, or pylons, ask for."""
+    """Required coverage of spans, or of pylons."""
 
     camera: CameraName
     """Camera to use: only vehicles that carry it get these spans."""

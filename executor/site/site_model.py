@@ -1,4 +1,4 @@
-"""Build from the site file what planner, missions and core work with."""
+"""Build from the site file the models of planner, missions and core."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ DEFAULT_NETWORK = "default"
 
 @dataclass(frozen=True, slots=True)
 class SiteModel:
-    """What is known before any vehicle answers."""
+    """Data known before any vehicle answers."""
 
     site: Site
     network: missions.Network
@@ -79,7 +79,7 @@ class SiteModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The vehicles' names, from the lowest layer to the highest."""
+        """Vehicles' names, from the lowest layer to the highest."""
         return tuple(vehicle.name for vehicle in self.site.vehicle)
 
 
@@ -92,13 +92,13 @@ def load_site_model(
     """Read the network and prepare the models.
 
     Args:
-        site: The site file's tables.
+        site: Tables of the site file.
         base: Its folder, which its paths are relative to.
-        learned: What is known of vehicles from flights before, by their name.
-        understood: What `import_site_network` returned, where the network is read already, also without a depot.
+        learned: Figures from earlier flights, by vehicle name.
+        understood: Result of `import_site_network`, if the network is already read, also without a depot.
 
     Raises:
-        MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
+        MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is unknown.
     """
     understood = understood or import_site_network(site.network, site.depot, base)
     if understood.lacks:
@@ -107,7 +107,7 @@ def load_site_model(
     found: tuple[str, ...] = ()
     terrain = load_terrain(site, base, network)
     if terrain is not None:
-        # A height of 0 that nobody said is what a file without a height of its depot is read with.
+        # A depot height of 0 that no file states is the reader's default for an unknown one.
         depot_known = network.frame.alt_m != 0.0 or (site.depot is not None and site.depot.alt_m is not None)
         network, found = add_ground_heights(network, terrain.elevation, depot_known=depot_known)
         found = (*terrain.elevation.remarks, *found)
@@ -127,9 +127,9 @@ def import_site_network(
     """Read the network of a site.
 
     Args:
-        table: What the site says of it.
-        depot: What it says of its depot.
-        base: The folder of the site file.
+        table: Its table in the site file.
+        depot: Depot in the site file.
+        base: Folder of the site file.
         anywhere: Whether a depot may be missing.
 
     Raises:
@@ -142,10 +142,10 @@ def import_site_network(
 
 
 def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain | None:
-    """Read the ground around a network; None where the site names no raster.
+    """Read the ground around a network; None if the site names no raster.
 
     Raises:
-        MissionsError: a raster cannot be used, or knows nothing of the ground there.
+        MissionsError: a raster cannot be used, or does not cover the ground there.
     """
     table = site.terrain
     if table is None:
@@ -158,7 +158,7 @@ def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain |
 
 
 def build_plan_terrain(ground: SiteModel) -> PlanTerrain | None:
-    """Return what plan files say of the ground that they were made over."""
+    """Return a plan file's record of the ground that it was made over."""
     terrain = ground.terrain
     if terrain is None:
         return None
@@ -174,7 +174,7 @@ def list_cameras(site: Site) -> tuple[str, ...]:
 
 
 def build_selection(table: NetworkTable) -> missions.Selection:
-    """Return what a site wants of its network's file."""
+    """Return the selection of a network file that a site asks for."""
     layers = (table.layer,) if isinstance(table.layer, str) else table.layer
     where = () if table.where is None else missions.parse_where(table.where)
     return missions.Selection(
@@ -183,7 +183,7 @@ def build_selection(table: NetworkTable) -> missions.Selection:
 
 
 def describe_remarks(found: Sequence[missions.Remark]) -> Iterator[str]:
-    """Yield a line for each matter that was found of a network's file: the first of it, and how many there are."""
+    """Yield a line for each kind of finding about a network file: the first one, and the number of them."""
     for matter in dict.fromkeys(one.matter.value for one in found):
         own = [one for one in found if one.matter.value == matter]
         more = f"; {len(own) - 1} more in 'faultline network'" if len(own) > 1 else ""
@@ -197,7 +197,7 @@ def build_site_model(
     base: Path = Path(),
     terrain: Terrain | None = None,
 ) -> SiteModel:
-    """Return what is known before any vehicle answers, over a network whose heights are known.
+    """Return the data known before any vehicle answers, over a network with known heights.
 
     Raises:
         MissionsError: there is no room for pads or layers, or an area cannot be used.
@@ -224,7 +224,7 @@ def build_site_model(
     setup = replace(setup, looks=site_parts.build_looks(site, network, pylons))
     if areas or alternates:
         setup = apply_areas(setup, areas, alternates)
-    # One line for all viewpoints that are flown higher than asked.
+    # One line for all viewpoints that are flown higher than requested.
     raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
     remarks = (*worth_a_look, *unused, *raised)
     day_pads = site_parts.place_day_pads(site, setup, areas)
@@ -248,26 +248,26 @@ def _check_speeds(site: Site, drone: Drone) -> None:
 
 
 def drone_of(site: Site) -> Drone:
-    """Return the multicopter: the preset with what the site file changes."""
+    """Return the multicopter: the preset with the site file's changes."""
     changes = site.energy.model_dump(exclude={"drone", "chemistry", "packs"}, exclude_none=True)
     return replace(PRESETS[site.energy.drone], **changes)
 
 
 def pack_of(site: Site) -> PackFacts:
-    """Return what the site file says of the packs: the cells of a preset are not said, they are a guess."""
+    """Return the site file's pack data; the cells of a preset are a guess, and not included."""
     return PackFacts(cells=site.energy.cells, chemistry=site.energy.chemistry)
 
 
 def budget_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
-    """Return what a route of a vehicle may use: what the site asks for, or what its pack has."""
+    """Return the budget of a vehicle's route: the site's, or what its pack has."""
     if known is None:
         return vehicle.budget_pct
     return known.budget_pct(vehicle.budget_pct, vehicle.reserve_pct, drone.capacity_ah)
 
 
 def find_empty_pct(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
-    """Return what a vehicle's autopilot reports when its pack is empty."""
-    counts = not missions.dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity reads it off the voltage
+    """Return the level that a vehicle's autopilot reports for an empty pack."""
+    counts = not missions.dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity uses the voltage
     return 0.0 if known is None else known.empty_reading_pct(drone.capacity_ah, counts=counts)
 
 
@@ -291,8 +291,8 @@ def build_first_task(
     """Return the problem of a first plan, with the budgets of the site file.
 
     Args:
-        ground: What is known before any vehicle answers.
-        segments: What is to be inspected; everything if not given.
+        ground: Data known before any vehicle answers.
+        segments: Segments to inspect; all by default.
         without: Vehicles that do not fly.
 
     Raises:
@@ -304,7 +304,7 @@ def build_first_task(
 
 
 def build_vehicles(ground: SiteModel) -> tuple[Vehicle, ...]:
-    """Return everybody on its pad, with what its pack may give."""
+    """Return every vehicle on its pad, with the usable charge of its pack."""
     return tuple(
         Vehicle(
             one.name, (0.0, 0.0), budget_pct_of(ground.packs.fitted.get(one.name), ground.drone, one),
@@ -317,12 +317,12 @@ def build_vehicles(ground: SiteModel) -> tuple[Vehicle, ...]:
 def select_reachable(
     ground: SiteModel, segments: Iterable[int] | None = None
 ) -> tuple[tuple[int, ...], tuple[Unreachable, ...]]:
-    """Return which of some segments can be reached, ascending, and the others; of all segments if not given.
+    """Return the reachable segments, ascending, and the others; of all segments by default.
 
-    What the site leaves out is in neither.
+    Segments that the site leaves out are in neither.
 
     Raises:
-        SiteError: none can.
+        SiteError: none can be reached.
     """
     wanted = set(range(len(ground.network.segments)) if segments is None else segments) - ground.left_out
     never = tuple(one for one in ground.setup.unreachable if one.segment in wanted)
@@ -340,13 +340,13 @@ def build_pricing(
     performances: Mapping[str, missions.Performance] = MappingProxyType({}),
     speeds_m_s: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> missions.Pricing:
-    """Return what flights take.
+    """Return the time and energy of flights.
 
     Args:
-        ground: What is known before any vehicle answers.
-        setup: Heights and pads; by default those that were chosen.
-        performances: How vehicles fly by their own parameters, by their name, where they were asked.
-        speeds_m_s: In transit and along the line, by name, of those who differ from [inspection].
+        ground: Data known before any vehicle answers.
+        setup: Heights and pads; by default the chosen ones.
+        performances: Performance by vehicle name from its own parameters, where they were read.
+        speeds_m_s: Speeds in transit and along the line, by name, of vehicles that differ from [inspection].
     """
     table, setup = ground.site.inspection, setup or ground.setup
     usual_m_s = (table.transit_speed_m_s, table.speed_m_s)
@@ -377,7 +377,7 @@ def build_pricing(
         models,
         pads_m,
         column_radius_m(setup.layers.layer_m),
-        # After a loss everybody flies on as planned for so long: the slowest way to find one is a silent link.
+        # After a loss all others fly on as planned until it is detected; a silent link takes longest.
         max(link_timeout_s(ground.site, dialect) for dialect in dialects)
         + horizon_s(ground.site)
         + max((line_clear_time_s(setup, models[name], name) for name in setup.steps_m), default=0.0),
@@ -394,13 +394,13 @@ def build_pricing(
 
 
 def horizon_s(site: Site) -> float:
-    """Return how far ahead of a re-plan's begin missions stay as they are, in the vehicles' time."""
+    """Return how far ahead of a re-plan's start missions stay unchanged, in vehicle time."""
     fence_s = FENCE_ALLOWANCE_S if site.fence is not None and site.fence.enabled else 0.0
     return SEEN_S + fence_s + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S)
 
 
 def stall_s(speedup: float) -> float:
-    """Return the shortest silence, in the vehicles' time, that a simulation can tell from a busy computer."""
+    """Return the shortest silence, in vehicle time, that a simulation can tell from a busy computer."""
     return STALL_REAL_S * speedup if speedup > 1 else 0.0
 
 
@@ -410,9 +410,9 @@ def link_timeout_s(site: Site, dialect: missions.Dialect, own: LinkFailsafe | No
 
 
 def radio_share_of(site: Site, name: str) -> RadioShare:
-    """Return what a vehicle has of the radio that it is behind, and of that of each of its links.
+    """Return a vehicle's share of its radio, and of the radio on each of its links.
 
-    Those with the same connection share one; of several links of one vehicle the serial ports are radios.
+    Vehicles with the same connection share one; of several links of one vehicle the serial ports are radios.
     """
     links = next(table.links for table in site.vehicle if table.name == name)
     has_serial = any(link.scheme is Scheme.SERIAL for link in links)
@@ -445,12 +445,12 @@ def build_paths(
     routes: Mapping[str, tuple[int, ...]],
     vehicles: Mapping[str, VehicleSetup] = MappingProxyType({}),
 ) -> Mapping[str, missions.FlightPath]:
-    """Return the flight path of every vehicle that has something to do.
+    """Return the flight path of every vehicle that has something to fly.
 
     Args:
         setup: Heights and pads.
-        routes: Visits of the network, by the vehicle's name.
-        vehicles: As they answered. Who did not say that it returns in silence inspects in its own layer.
+        routes: Visits of the network, by vehicle name.
+        vehicles: Their answers. A vehicle that did not report RTL on a lost link inspects in its own layer.
     """
     return build_first_paths(setup, routes, find_layer_bound_vehicles(vehicles))
 
@@ -458,7 +458,7 @@ def build_paths(
 def adjust_task_to_layers(ground: SiteModel, task: missions.Task, plan: Plan) -> missions.Task:
     """Return the task as its plan is flown: with the segments that vehicles inspect in their layers after all.
 
-    A plan is made as if everybody came down to every line, which takes the longest.
+    A plan is made as if every vehicle descended to every line, which takes the longest.
     """
     if task.pricing is None or not ground.inspection.same_distance:
         return task
@@ -478,14 +478,14 @@ def build_context(
     own: Mapping[str, LinkFailsafe] = MappingProxyType({}),
     performances: Mapping[str, missions.Performance] = MappingProxyType({}),
 ) -> Context:
-    """Return everything that the decisions in flight may look at.
+    """Return the context of all decisions in flight.
 
     Args:
-        ground: What is known before any vehicle answers.
+        ground: Data known before any vehicle answers.
         setup: Heights and pads.
-        task: The problem of the first plan.
-        own: What vehicles do by themselves in silence, by their name, where they were asked.
-        performances: As `pricing_of` has it.
+        task: Problem of the first plan.
+        own: Each vehicle's own action on a lost link, by name, where it was read.
+        performances: As in `build_pricing`.
     """
     site = ground.site
     vehicles: dict[str, VehicleSetup] = {}

@@ -36,7 +36,7 @@ from missions.terrain import Terrain
 from missions.viewpoints import ViewpointRequest
 
 NEAR_M = 20_000.0
-"""Farthest that routes go beyond lines and pads; areas are clipped there."""
+"""Greatest distance of routes from lines and pads; areas are clipped there."""
 BEYOND_M = 3000.0
 """Clipping margin: more than the largest area margin and half the widest corridor."""
 MOST_CORNERS = 400
@@ -51,7 +51,7 @@ _RANGES = {
 
 
 def load_areas(site: Site, base: Path, network: Network) -> tuple[tuple[Area, ...], tuple[str, ...]]:
-    """Return the areas of a site that are near to its lines, and in words what was left out or simplified.
+    """Return the areas near a site's lines, and in words which were left out or simplified.
 
     Raises:
         AreaError: one line that names the file, the feature and what was expected.
@@ -89,7 +89,7 @@ def load_areas(site: Site, base: Path, network: Network) -> tuple[tuple[Area, ..
 
 
 def build_places(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[str, ...]]:
-    """Return the pads of vehicles whose place is stated, and the names of the alternates."""
+    """Return the pads of vehicles with a stated place, and the names of the alternates."""
     named = {place.name: place for place in site.place}
     pads = []
     for vehicle in site.vehicle:
@@ -121,7 +121,7 @@ def _name_source(table: AreaTable, index: int) -> str:
 def _select_near_area(
     table: AreaTable, read: FileArea, frame: LocalFrame, low: tuple[float, float], high: tuple[float, float]
 ) -> Iterator[Area]:
-    """Yield an area as far as it is near; of a corridor each part of its line that is."""
+    """Yield the nearby part of an area; for a corridor each nearby part of its line."""
     figures = {key: _read_figure(read, key, getattr(table, key)) for key in FIGURES}
     limited = figures["max_agl_m"] is not None or figures["max_amsl_m"] is not None
     rings = _to_rings_m(read, frame)
@@ -206,7 +206,7 @@ AT_DEPOT_M = 50.0
 
 
 def base_tables(site: Site, frame: LocalFrame) -> tuple[BaseTable, ...]:
-    """Return the bases of a site; the depot where it names none."""
+    """Return the bases of a site; the depot if it names none."""
     everybody = tuple(one.name for one in site.vehicle)
     depot = BaseTable(
         name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=everybody
@@ -215,7 +215,7 @@ def base_tables(site: Site, frame: LocalFrame) -> tuple[BaseTable, ...]:
 
 
 def base_place(network: Network, base: BaseTable, terrain: Terrain | None = None) -> BasePlace:
-    """Return where a base is, its height taken from the raster, or the nearest pylon, where nobody says it."""
+    """Return a base's place; a missing height comes from the raster, or the nearest pylon."""
     alt_m, at_m = base.alt_m, np.array(network.frame.to_local_m(base.lat_deg, base.lon_deg))
     if terrain is not None:
         alt_m = float(terrain.elevation.interpolate_m(at_m[np.newaxis])[0].round(1))
@@ -229,12 +229,12 @@ def base_place(network: Network, base: BaseTable, terrain: Terrain | None = None
 
 
 def base_places_m(site: Site, frame: LocalFrame) -> dict[str, tuple[float, float]]:
-    """Return where the base of each vehicle is, local east and north, by the vehicle's name; of none without bases."""
+    """Return each vehicle's base, local east and north, by vehicle name; empty without bases."""
     return {name: frame.to_local_m(base.lat_deg, base.lon_deg) for base in site.base for name in base.vehicles}
 
 
 def find_base_pads(site: Site, network: Network) -> dict[str, Pad]:
-    """Return around which place those stand, by name, whose base is not the depot."""
+    """Return the centre of their pads for vehicles whose base is not the depot, by name."""
     return {
         name: Pad(name, *at_m, base_place(network, base).alt_m)
         for base in site.base
@@ -244,9 +244,9 @@ def find_base_pads(site: Site, network: Network) -> dict[str, Pad]:
 
 
 def place_day_pads(site: Site, setup: FlightSetup, areas: Sequence[Area]) -> dict[str, dict[str, Pad]]:
-    """Return where vehicles land at bases that are not their own, by the vehicle's name and the base's.
+    """Return the pads of vehicles at bases other than their own, by vehicle and base name.
 
-    Each has a pad of its own at each base: no two are ever given the same one.
+    Each has its own pad at each base: no two vehicles share one.
 
     Raises:
         SafetyError: there is no room for them around a base.
@@ -275,10 +275,10 @@ SHORTEST_M = 0.5
 
 
 def build_viewpoint_requests(site: Site, network: Network) -> list[ViewpointRequest]:
-    """Return from where pylons are to be seen.
+    """Return the requested viewpoints around pylons.
 
     Raises:
-        SiteError: a look is for no pylon, or asks for heights at which nobody would come down.
+        SiteError: a look is for no pylon, or asks for heights at which no vehicle would descend.
     """
     wishes = []
     for index, table in enumerate(site.look):
@@ -315,15 +315,15 @@ def _check_heights(site: Site, index: int, table: LookTable) -> None:
 def build_looks(
     site: Site, network: Network, pylons: Mapping[int, PylonCameraTask] = MappingProxyType({})
 ) -> CameraTasks:
-    """Return what is to be seen, and who has the cameras for it.
+    """Return the camera tasks, and which vehicles carry the cameras for them.
 
     Args:
-        site: The site file's tables.
-        network: With an asset for each pylon that is to be seen.
-        pylons: These, by their segment.
+        site: Tables of the site file.
+        network: Network with an asset for each pylon with viewpoints.
+        pylons: These pylons, by segment.
 
     Raises:
-        SiteError: a look that no vehicle, camera or speed can give, or that is for nothing.
+        SiteError: no vehicle, camera or speed can do a look, or it applies to nothing.
     """
     if not site.look:
         return NO_LOOKS

@@ -42,7 +42,7 @@ SETTLED = 50_000
 
 
 class PlanSolver(Enum):
-    """Who plans."""
+    """Solver of the first plan."""
 
     SEARCH = "search"
     GRASP = "grasp"
@@ -51,7 +51,7 @@ class PlanSolver(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """What a first plan is asked to be."""
+    """Requirements on a first plan."""
 
     cost: planner.Cost | None
     """None: the largest re-plan window."""
@@ -75,11 +75,11 @@ class PlanRequest:
     """Objective of a day plan, instead of a cost."""
 
     def __post_init__(self) -> None:
-        """Check that the solver can do it.
+        """Check that the solver supports the request.
 
         Raises:
-            PlanFileError: the window, or so many iterations, are asked of a solver that does not know them, or the
-                paper's solver is to be tuned.
+            PlanFileError: the solver does not support the window or an iteration limit, or the paper's solver is to be
+                tuned.
         """
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
             raise missions.PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
@@ -90,23 +90,23 @@ class PlanRequest:
 
     @property
     def threads(self) -> int:
-        """Searches side by side."""
+        """Number of parallel searches."""
         return self.starts or os.cpu_count() or 1
 
     @property
     def length(self) -> str:
-        """How long is searched, in words."""
+        """Length of the search, in words."""
         return f"{self.seconds:g} s" if self.iterations is None else f"{self.iterations} iterations"
 
     def build_stop_rule(self, settled: planner.StopRule | None = None) -> planner.StopRule:
-        """Return when a search ends: after its iterations if they are given, and else once it is settled."""
+        """Return the stop rule of a search: its iterations if given, else once it is settled."""
         sooner = settled if self.iterations is None else planner.Iterations(self.iterations)
         return planner.combine_stop_rules(
             *(rule for rule in (planner.Seconds(self.seconds), sooner) if rule is not None)
         )
 
     def adapt_to_task(self, task: missions.Task) -> PlanRequest:
-        """Return what is asked of a task."""
+        """Return the request for a task."""
         if not self.usual:
             return self
         able = self.solver is PlanSolver.SEARCH and len(task.instance.vehicles) > 1
@@ -115,7 +115,7 @@ class PlanRequest:
 
 
 def read_search_params(path: Path) -> planner.SearchParams:
-    """Read what a TOML file sets of what a search is tuned by; the rest is as it is by default.
+    """Read a search's tuning from a TOML file; what it leaves out keeps its default.
 
     Raises:
         SiteError: one line that names the file, the key and what was expected.
@@ -134,9 +134,10 @@ def read_search_params(path: Path) -> planner.SearchParams:
 
 
 DEFAULT = PlanRequest(cost=None, seconds=5.0, seed=1, stretch=0.05, usual=True)
-"""What every command plans by where it is not told otherwise: what was looked at is what is flown.
+"""Default of every planning command, so that the plan shown is the plan flown.
 
-The window, so that the fleet can finish without any one vehicle from as early as possible, at a small price in time."""
+The window, so that the fleet can finish without any one vehicle from as early as possible, at a small price in time.
+"""
 
 
 def plan_site(
@@ -177,13 +178,13 @@ def plan_site(
 def rearrange_plan(
     ground: SiteModel, task: missions.Task, plan: planner.Plan, chosen_by: planner.Cost | missions.Window
 ) -> planner.Plan:
-    """Return a plan of which routes are changed a little, so that less is inspected from layers.
+    """Return a plan with slightly changed routes, so that fewer segments are inspected from layers.
 
     Args:
-        ground: The site, with everybody at the asked distance.
-        task: What was planned.
-        plan: For it.
-        chosen_by: What it was planned by; its re-plan window does not become smaller.
+        ground: The site, with every vehicle at the requested inspection height.
+        task: Problem of the plan.
+        plan: Its plan.
+        chosen_by: Objective of the plan; its re-plan window does not become smaller.
     """
     if task.pricing is None:
         return plan
@@ -221,7 +222,7 @@ def build_site_plan_file(
     chosen_by: planner.Cost | missions.Window,
     solved: missions.SolverRecord,
 ) -> missions.PlanFile:
-    """Return a plan of a site's task as a plan file: with what the site says of its flights and of its ground."""
+    """Return the plan of a site's task as a plan file, with the site's flight settings and ground."""
     content = missions.make_plan_file(
         ground.network, task, ground.travel, plan, chosen_by, solved, inspection=ground.inspection,
     )  # fmt: skip
@@ -235,14 +236,14 @@ def build_site_plan_file(
 
 
 def may_fly_again(ground: SiteModel) -> bool:
-    """Return whether a site's vehicles may fly again once they have landed: by themselves, or by the crew's word."""
+    """Return whether a site's vehicles may fly again after landing, automatically or after the crew's confirmation."""
     return ground.site.flight.fly_again != "never"
 
 
 def plan_front(
     ground: SiteModel, wanted: PlanRequest, on_progress: Callable[[planner.Progress], None] | None = None
 ) -> tuple[missions.PlanFile, ...]:
-    """Return the plans of a site that no other one found beats in longest route, energy and window at once.
+    """Return the found plans of a site that no other beats in longest route, energy and window at once.
 
     Raises:
         planner.PlanError: there is one vehicle only.
@@ -267,7 +268,7 @@ def _build_front_plan(
 
 
 def plan_references(ground: SiteModel, wanted: PlanRequest) -> Mapping[str, missions.PlanFile]:
-    """Return what each of the paper's cost functions gives in a tenth of the time, by its name: to compare with."""
+    """Return a plan for each of the paper's cost functions by name, in a tenth of the time: for comparison."""
     plans = {}
     for cost in planner.Cost:
         content = plan_site(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
@@ -303,7 +304,7 @@ def _solve_task(
 
 
 def to_plan_window(found: planner.ReplanWindow, instance: planner.Instance) -> missions.Window:
-    """Return a re-plan window as plan files keep it."""
+    """Return a re-plan window in the form of plan files."""
     loss = None
     if found.breaking is not None:
         breaking = found.breaking
@@ -312,10 +313,10 @@ def to_plan_window(found: planner.ReplanWindow, instance: planner.Instance) -> m
 
 
 def check_plan_fits(plan: missions.PlanFile, ground: SiteModel, source: str) -> None:
-    """Check that a plan file is what a site asks for: its figures are right, and the site is as it was then.
+    """Check that a plan file fits a site: its figures are right, and the site is unchanged.
 
     Raises:
-        PlanFileError: it is another site's, or the site has changed since: one line that says where.
+        PlanFileError: it is another site's, or the site has changed since: one line with the place.
     """
     check_plan_belongs(plan, ground, source)
     for line in missions.check_plan(plan, search_window=False):
@@ -329,10 +330,10 @@ def check_plan_fits(plan: missions.PlanFile, ground: SiteModel, source: str) -> 
 
 
 def describe_site_changes(plan: missions.PlanFile, ground: SiteModel) -> list[str]:
-    """Return in words where a site says something else now than when a plan was made for it.
+    """Return in words how a site has changed since a plan was made for it.
 
     Args:
-        plan: One that belongs to the site.
+        plan: A plan of the site.
         ground: The site.
     """
     never = {one.segment: one.why for one in ground.setup.unreachable} | dict.fromkeys(ground.left_out, LEFT_OUT)
@@ -354,13 +355,14 @@ def describe_site_changes(plan: missions.PlanFile, ground: SiteModel) -> list[st
 
 
 def _collect_site_facts(plan: missions.PlanFile) -> dict[str, object]:
-    """Return what a plan file says of the site that it was made for.
+    """Return a plan file's record of the site that it was made for.
 
-    Pads and layers are not among it: they are chosen by who else flies, and the next sortie does so without the lost.
+    Pads and layers are not included: they depend on which vehicles fly, and the next sortie flies without the lost
+    ones.
     """
     document = missions.build_plan_document(plan)
     model = None if plan.pricing is None else {"power": asdict(next(iter(plan.pricing.models.values())).power)}
-    # Whether a height limit is in anybody's way is a matter of layers.
+    # Whether a height limit blocks a vehicle depends on layers.
     areas = [area for area in plan.areas if area.kind is not AreaKind.HEIGHT_LIMIT]
     return {
         **{key: document.get(key) for key in ("depot", "travel", "inspection", "terrain")},
@@ -390,7 +392,7 @@ def _outline_area(area: Area) -> dict[str, object]:
 
 
 def _find_low_starts(pricing: missions.Pricing, left: planner.RemainingProblem) -> Iterator[str]:
-    """Yield who is below its layer when it becomes free: it has inspected there last."""
+    """Yield the vehicles that are below their layer when they become free: their last inspection was there."""
     for vehicle, free in zip(left.instance.vehicles, left.survivors, strict=True):
         last = next(iter(free.completed[::-1]), None) if free.finishing is None else free.finishing
         layered = pricing.layered.get(vehicle.name, frozenset())
@@ -425,7 +427,7 @@ def _format_value(value: object) -> str:
 
 
 def check_plan_belongs(plan: missions.PlanFile, ground: SiteModel, source: str) -> None:
-    """Check that a plan file is about a site's vehicles and segments.
+    """Check that a plan file has a site's vehicles and segments.
 
     Raises:
         PlanFileError: it has other vehicles, or segments that are not the site's.
@@ -438,7 +440,7 @@ def check_plan_belongs(plan: missions.PlanFile, ground: SiteModel, source: str) 
 
 
 def check_same_segments(plan: missions.PlanFile | missions.DayPlanFile, ground: SiteModel, source: str) -> None:
-    """Check that a plan's segments, all of a site's or some of them, are where the site's are.
+    """Check that a plan's segments, all or some of a site's, are where the site's are.
 
     Raises:
         PlanFileError: one is not.
@@ -467,14 +469,14 @@ def preview_loss(
     settled: int = SETTLED,
     task: missions.Task | None = None,
 ) -> tuple[missions.PlanFile, bool]:
-    """Re-plan a plan file for the loss of one vehicle at a time; returns too whether all that is left is inspected.
+    """Re-plan a plan file for the loss of one vehicle at a time; return also whether the rest is all inspected.
 
-    It ends after so many `seconds`, or `settled` iterations without an improvement. `task` is the plan's own problem,
-    where it is built already.
+    It ends after `seconds`, or `settled` iterations without an improvement. `task` is the plan's own problem, if
+    already built.
 
     Raises:
         PlanFileError: the plan has no such vehicle.
-        planner.PlanError: nobody is left.
+        planner.PlanError: no vehicle is left.
     """
     if lost not in plan.names:
         raise missions.PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(plan.names)}, got {lost}")

@@ -1,4 +1,4 @@
-"""JSON schema of the site file with each key's meaning and unit, for pages, editors and the reference."""
+"""Build the JSON schema of the site file with each key's meaning and unit, for pages, editors and the reference."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def build_site_schema() -> dict[str, Any]:
 
 
 def find_unit(key: str) -> str:
-    """Return the unit that the name of a key says; empty where it says none."""
+    """Return the unit in a key's name; empty if it has none."""
     return next((unit for end, unit in UNITS if key.endswith(end)), "")
 
 
 def add_descriptions(schema: Mapping[str, Any], words: Mapping[tuple[str, str], str]) -> None:
-    """Add to a schema what its keys mean, by the titles of their classes and their names."""
+    """Add the meanings of keys to a schema, by class title and key name."""
     for part in (schema, *schema.get("$defs", {}).values()):
         for key, known in part.get("properties", {}).items():
             if (part["title"], key) in words:
@@ -45,7 +45,7 @@ def add_descriptions(schema: Mapping[str, Any], words: Mapping[tuple[str, str], 
 
 
 def read_docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
-    """Yield class, key and what stands below the key in the source: pydantic itself would read it at every start."""
+    """Yield class, key and docstring of each key from the source: pydantic itself would read it at every start."""
     classes = {node.name: node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.ClassDef)}
     for name, node in classes.items():
         bases = [classes[base.id] for base in node.bases if isinstance(base, ast.Name) and base.id in classes]
@@ -57,6 +57,6 @@ def read_docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
 
 
 def _find_alias(field: ast.stmt) -> str | None:
-    """Return what documents call a field, where that is not its own name."""
+    """Return a field's name in documents, if it has an alias."""
     words = (word for call in ast.walk(field) if isinstance(call, ast.Call) for word in call.keywords)
     return next((str(ast.literal_eval(word.value)) for word in words if word.arg == "alias"), None)

@@ -18,21 +18,21 @@ RANGE = ".."
 
 
 class SpanError(SiteError):
-    """A name that is of no span, or spans that are not to be had like this, in one line that a terminal can show."""
+    """Name without a span, or spans that cannot be combined, in one line for a terminal."""
 
     def __init__(self, words: str) -> None:
         super().__init__(to_printable(words))
 
 
 class SpanNames:
-    """What the spans of a network are called."""
+    """Names of a network's spans."""
 
     def __init__(self, network: Network) -> None:
         self._number = {network.segment_name(one.id): one.id for one in network.segments}
 
     @cached_property
     def _lines(self) -> Mapping[str, Mapping[int, int]]:
-        """Spans whose names differ in the number at their end alone, by what they begin with and by that number."""
+        """Spans whose names differ only in their last number, by the text before it and by that number."""
         found: dict[str, dict[int, int]] = {}
         for name, segment in self._number.items():
             if parts := re.fullmatch(r"(.*\D)(\d+)", name):
@@ -77,21 +77,21 @@ class SpanNames:
 
 
 def name_nearest(wrong: str | None, known: Sequence[str]) -> str:
-    """Return in words which of some names is most like a wrong one; nothing where none is wrong, or none is like it."""
+    """Return in words the known name most similar to a wrong one; empty if none is wrong, or none is similar."""
     nearest = [] if wrong is None else difflib.get_close_matches(wrong, known, n=1, cutoff=0.4)
     return f"; the nearest is '{nearest[0]}'" if nearest else ""
 
 
 def find_left_out(site: Site, network: Network, carried_by: Mapping[int, int]) -> frozenset[int]:
-    """Return the spans that a site does not want inspected; the network keeps them, for the line is there.
+    """Return the spans that a site does not want inspected; the network keeps them, as the line is there.
 
     Args:
-        site: The site file's tables.
+        site: Tables of the site file.
         network: Its network, with an asset for each pylon with viewpoints.
         carried_by: The pylon of each of these assets: one that is not named goes with the spans that the pylon carries.
 
     Raises:
-        SiteError: a name is of no span, or nothing is left to fly.
+        SiteError: a name matches no span, or nothing is left to fly.
     """
     table, names, everything = site.network, SpanNames(network), frozenset(range(len(network.segments)))
     if not (table.only or table.leave_out):
@@ -109,10 +109,10 @@ def find_left_out(site: Site, network: Network, carried_by: Mapping[int, int]) -
 
 
 def find_locks(site: Site, network: Network, left_out: Collection[int]) -> tuple[Mapping[int, str], Mapping[int, bool]]:
-    """Return the vehicle that alone flies a span, and whether one is flown reversed, of the spans that are locked.
+    """Return the only vehicle allowed to fly each locked span, and whether a locked span is flown reversed.
 
     Raises:
-        SiteError: a name is of no span or pylon, or two locks contradict each other.
+        SiteError: a name matches no span or pylon, or two locks contradict each other.
     """
     names, vehicles, ways = SpanNames(network), dict[int, tuple[int, str]](), dict[int, tuple[int, bool]]()
     for index, lock in enumerate(site.lock):
@@ -137,7 +137,7 @@ def find_locks(site: Site, network: Network, left_out: Collection[int]) -> tuple
 
 
 def _direct_spans(network: Network, spans: Collection[int], begin: str, key: str) -> dict[int, bool]:
-    """Return whether spans are flown reversed where they are flown away from a pylon, one after the other."""
+    """Return whether spans are flown reversed if they are flown in sequence away from a pylon."""
     at: dict[int, list[int]] = {}
     for span in sorted(spans):
         for end in (network.segments[span].a, network.segments[span].b):

@@ -102,7 +102,7 @@ export interface GroundDocument {
   degrees: DegreesPart;
 }
 
-/** All that the page works on. */
+/** Workspace of the page. */
 export interface WorkspaceAnswer {
   /** Grows with every change of the site. */
   revision: number;
@@ -118,7 +118,7 @@ export interface WorkspaceAnswer {
   undo: string | null;
   redo: string | null;
   network: NetworkPart | null;
-  /** The newest first. */
+  /** Newest first. */
   plans: PlanSummary[];
   chosen: string | null;
   /** Search in progress, or the last one. */
@@ -134,7 +134,7 @@ export interface WorkspaceAnswer {
   uploaded: string | null;
 }
 
-/** The network as it was understood. */
+/** Network as read. */
 export interface NetworkAnswer {
   digest: string;
   source: string;
@@ -148,7 +148,7 @@ export interface NetworkAnswer {
   remarks: string[];
 }
 
-/** What lies around the network. */
+/** Surroundings of the network. */
 export interface GroundAnswer {
   depot: [number, number] | null;
   pads: VehiclePadPart[];
@@ -169,7 +169,7 @@ export interface PlanPart {
   lines: string[];
 }
 
-/** What the others would fly. */
+/** Routes of the survivors after a loss. */
 export interface LossAnswer {
   /** Routes of all survivors: flown until the loss, and new. */
   routes: VehiclePart[];
@@ -182,7 +182,7 @@ export interface LossAnswer {
   seconds: number;
 }
 
-/** A plan that was changed by hand. */
+/** Plan that was changed by hand. */
 export interface ChangeAnswer {
   plan: PlanPart;
   /** Reasons why the changed plan cannot be flown. */
@@ -191,7 +191,7 @@ export interface ChangeAnswer {
   window_is: number;
 }
 
-/** Whether a vehicle was heard. */
+/** Result of listening for a vehicle. */
 export interface TryAnswer {
   answers: boolean;
   words: string;
@@ -205,7 +205,7 @@ export interface FlightPart {
   report: FlightReportPart | null;
 }
 
-/** `flight` in report.html: what its map shows. */
+/** `flight` in report.html: content of its map. */
 export interface ReportMap {
   frame: ReportFrame | null;
   segments: ReportSegment[];
@@ -381,7 +381,7 @@ export interface SitePart {
   text: string;
 }
 
-/** What is wrong with the site. */
+/** Problem of the site. */
 export interface ProblemPart {
   /** Site-file key that caused the problem, if known. */
   path: (string | number)[] | null;
@@ -396,7 +396,7 @@ export interface NetworkPart {
   segments: number;
 }
 
-/** A plan in a list. */
+/** Plan in a list. */
 export interface PlanSummary {
   id: string;
   /** File that `fly` takes; only the chosen plan has one. */
@@ -409,7 +409,7 @@ export interface PlanSummary {
   energy_pct: Record<string, number>;
   window_pct: number | null;
   window_from_s: number | null;
-  /** The latest loss that no re-plan covers, just before the window. */
+  /** Latest loss that no re-plan covers, just before the window. */
   breaking: BreakingLoss | null;
   /** Number of segments that no route covers. */
   uncovered: number;
@@ -444,7 +444,7 @@ export interface JobPart {
   plans: string[];
 }
 
-/** Where local metres begin: the depot. */
+/** Origin of local metres: the depot. */
 export interface FramePart {
   lat_deg: number;
   lon_deg: number;
@@ -473,7 +473,7 @@ export interface PylonPart {
   elevation_m: number | null;
 }
 
-/** Where a vehicle stands. */
+/** Pad of a vehicle. */
 export interface VehiclePadPart {
   vehicle: string;
   place: [number, number];
@@ -493,7 +493,7 @@ export interface PlacePart {
   place: [number, number];
 }
 
-/** An area that flights keep out of, or low in. */
+/** No-fly area, or area with a height limit. */
 export interface AreaPart {
   /** Index of its table in the site file. */
   index: number;
@@ -504,7 +504,7 @@ export interface AreaPart {
   from_file: boolean;
 }
 
-/** What one picture in the middle of a span shows. */
+/** Footprint of one picture in the middle of a span. */
 export interface FootprintPart {
   segment: number;
   camera: string;
@@ -521,7 +521,7 @@ export interface VehiclePart {
   profile: ([number, number, number | null])[];
 }
 
-/** A span that nobody flies. */
+/** Span that no vehicle flies. */
 export interface LeftPart {
   segment: number;
   name: string;
@@ -537,7 +537,7 @@ export interface LossWindow {
   breaks: number | null;
 }
 
-/** What a flight came to. */
+/** Result of a flight. */
 export interface FlightReportPart {
   finished: boolean;
   inspected: number;
@@ -547,7 +547,7 @@ export interface FlightReportPart {
   lost: string[];
 }
 
-/** Where the local metres begin. */
+/** Origin of the local metres. */
 export interface ReportFrame {
   lat_deg: number;
   lon_deg: number;
@@ -569,7 +569,7 @@ export interface ReportSegment {
   taken_over: boolean;
 }
 
-/** Where vehicles may land beside their pads. */
+/** Landing place other than a pad. */
 export interface ReportPlace {
   /** Kind: base or alternate. */
   kind: string;
@@ -587,7 +587,7 @@ export interface ReportVehicle {
   end: ReportEnd | null;
 }
 
-/** The first plan, that of a day with all its sorties, or a re-plan. */
+/** First plan (for a day with all its sorties), or a re-plan. */
 export interface ReportPlan {
   name: string;
   routes: ReportRoute[];
@@ -716,7 +716,7 @@ export interface PageRoute {
   segments: number[];
 }
 
-/** One line of one height. */
+/** One contour line. */
 export interface Contour {
   height_m: number;
   /** East and north. */
@@ -744,7 +744,7 @@ export interface RoutePart {
   track: [number, number, number, number, number][];
 }
 
-/** A vehicle that was lost. */
+/** Vehicle that was lost. */
 export interface ReportLoss {
   /** Last GPS position. */
   place_m: [number, number];
@@ -752,7 +752,7 @@ export interface ReportLoss {
   why: string;
 }
 
-/** A vehicle that is not at home. */
+/** Vehicle that did not return to its pad. */
 export interface ReportEnd {
   /** Last reported position. */
   place_m: [number, number];

@@ -1,6 +1,6 @@
-"""The pictures of a plan and of a flight, as PNG files.
+"""Draw the pictures of a plan and of a flight, as PNG files.
 
-Only matplotlib's objects are used, and each figure's own Agg canvas: no window, no state that threads share.
+Only matplotlib's objects are used, and each figure's own Agg canvas: no window, no state shared by threads.
 """
 
 from __future__ import annotations

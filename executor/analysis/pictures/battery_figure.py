@@ -22,7 +22,7 @@ from planner import Plan, RemainingProblem, ReplanWindow
 from planner.risk import RouteProgress, build_state_before_losses
 
 LEFT, RIGHT = 0.055, 0.815
-"""Left and right edge of the plot as shares of the figure; line names stand to its right, event names above."""
+"""Left and right edge of the plot as shares of the figure; line names are to its right, event names above."""
 PLOT_IN, BELOW_IN, TITLE_IN, MOMENT_IN = 5.0, 1.0, 0.55, 0.2
 """Heights of the plot, of the part below it, of the title, and of each line of text above the plot."""
 STRIP_IN = 0.85
@@ -45,7 +45,7 @@ LEGEND_ROW_IN = 0.21
 
 @dataclass(frozen=True, slots=True)
 class LineEnd:
-    """Where a line ends, by the plot's own figures, and what is to be said of it."""
+    """End of a line in plot coordinates, with its label."""
 
     along: float
     height: float
@@ -60,8 +60,8 @@ TimeMark = tuple[float, str, str]
 def draw_battery_figure(record: FlightRecord) -> Figure:
     """Return percent used over seconds since the launch.
 
-    Plans are solid, re-plans dashed and measurements thin with markers, in each vehicle's colour. Red lines are the
-    losses, the black one is the longest route of the first plan; budgets and reserves are horizontal.
+    Plans are solid, re-plans dashed and measurements thin with markers, in each vehicle's colour. Red lines are losses,
+    the black one is the longest route of the first plan; budgets and reserves are horizontal.
     """
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
     end_s = _end_s(record)
@@ -87,15 +87,15 @@ def _make_chart(
     marks: Sequence[TimeMark],
     handles: Sequence[Artist],
 ) -> tuple[Figure, list[Axes]]:
-    """Return percent used over time with limits, marks and a legend: the plot, and above it a strip for far limits.
+    """Return a plot of percent used over time with limits, marks and a legend, and a strip above it for far limits.
 
     Args:
-        title: Of the figure.
-        end_s: Where the plot ends.
-        highest_pct: The most that is used.
-        limits: Horizontal lines, by what is written on them.
+        title: Title of the figure.
+        end_s: End of the time axis.
+        highest_pct: Highest consumption.
+        limits: Horizontal lines, by label.
         marks: Vertical lines.
-        handles: Of the legend.
+        handles: Handles of the legend.
     """
     words_lines = _stack_words(marks, end_s)
     below_in = BELOW_IN + LEGEND_ROW_IN * ((len(handles) - 1) // LEGEND_COLUMNS)
@@ -128,7 +128,7 @@ def _make_chart(
 
 
 def _stack_words(marks: Sequence[TimeMark], end_s: float) -> list[int]:
-    """Return for each mark the lowest line above the plot that has room for its words; 0 is the lowest of all."""
+    """Return for each mark the lowest free line of text above the plot; 0 is the lowest of all."""
     taken_s, lines = [-math.inf] * len(marks), [0] * len(marks)
     for index, (t_s, words, _) in sorted(enumerate(marks), key=lambda row: row[1]):
         half_s = 0.5 * CHARACTER * end_s * len(words)
@@ -138,7 +138,7 @@ def _stack_words(marks: Sequence[TimeMark], end_s: float) -> list[int]:
 
 
 def _format_time_axis(panels: Sequence[Axes], end_s: float) -> None:
-    """Write times as the terminal, the page and the report show them."""
+    """Label the time axis as the terminal, the page and the report show times."""
     step_s = next((step for step in TIME_STEPS_S if end_s / step <= MOST_TIMES), TIME_STEPS_S[-1])
     for axes in panels:
         axes.xaxis.set_major_locator(MultipleLocator(step_s))
@@ -159,9 +159,9 @@ def _end_s(record: FlightRecord) -> float:
 
 
 def _collect_limits(record: FlightRecord) -> Mapping[str, float]:
-    """Return budgets and reserves as percent used, by what is to be written on their lines.
+    """Return budgets and reserves as percent used, by the label of their lines.
 
-    A reserve is drawn for the emptiest of the batteries that share it: 'used' counts from what was there at the launch.
+    A reserve is drawn for the emptiest of the batteries that share it: 'used' counts from the level at the launch.
     """
     rows = []
     for vehicle in record.vehicles:
@@ -174,11 +174,11 @@ def _collect_limits(record: FlightRecord) -> Mapping[str, float]:
 
 
 def _group_limits(rows: Iterable[tuple[str, float, str]], everybody: int) -> dict[str, float]:
-    """Return the least limit by what is to be written on its line, with whose it is unless it is everybody's.
+    """Return the least limit by label, with the names of its vehicles unless it applies to all.
 
     Args:
-        rows: Words, a limit, and the name of its vehicle.
-        everybody: How many vehicles there are.
+        rows: Label, limit, and name of its vehicle.
+        everybody: Number of all vehicles.
     """
     limits: dict[str, float] = {}
     names: dict[str, list[str]] = {}
@@ -192,7 +192,7 @@ def _group_limits(rows: Iterable[tuple[str, float, str]], everybody: int) -> dic
 
 
 def _add_strip(axes: Axes, below: Axes, limits: Mapping[str, float]) -> Axes:
-    """Make axes the upper part of a broken scale, for limits far above what was used."""
+    """Make axes the upper part of a broken scale, for limits far above the consumption."""
     axes.set_xlim(below.get_xlim())
     axes.set_ylim(min(limits.values()) - 8.0, max(limits.values()) + 8.0)
     axes.set_yticks(sorted({round(limit, 1) for limit in limits.values()}))
@@ -225,7 +225,7 @@ def _draw_measured(axes: Axes, record: FlightRecord, styles: Mapping[str, Vehicl
             continue
         account = compute_used_pct(vehicle.battery)
         style = styles[vehicle.name]
-        # Markers of different vehicles are shifted against each other: where lines lie on each other all are seen.
+        # Markers of different vehicles are offset, so that all stay visible on overlapping lines.
         every = max(1, len(account) // MARKS)
         first = every * (vehicle.layer % len(styles)) // len(styles)
         axes.plot(
@@ -270,11 +270,11 @@ def _collect_line_ends(record: FlightRecord, styles: Mapping[str, VehicleStyle])
 
 
 def label_lines(axes: Axes, ends: Sequence[LineEnd], step: float = LABEL_STEP) -> None:
-    """Write to the right of the plot what each line is, as high as it ends, and not onto what another one is.
+    """Label lines to the right of the plot at the height of their ends, without overlap.
 
     Args:
         axes: The plot.
-        ends: Of its lines.
+        ends: Ends of its lines.
         step: Least distance of two labels, as a share of the figure's height.
     """
     place, (low, high) = axes.get_position(), axes.get_ylim()
@@ -322,13 +322,14 @@ def _build_legend(record: FlightRecord) -> list[Artist]:
 SHADE = "#f3e3c3"
 
 Repair = tuple[RemainingProblem, Plan]
-"""The problem that remains after a loss, and its plan."""
+"""Remaining problem after a loss, and its plan."""
 
 
 def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence[Repair]) -> Figure:
     """Return percent used over seconds since the launch, as in the paper's figure of re-plans.
 
-    Plans are solid. Re-plans are dashed: a line's colour is the vehicle that flies it, its dashes say who is lost.
+    Plans are solid. Re-plans are dashed: a line's colour is the vehicle that flies it, its dashes show the lost
+    vehicle.
     """
     state = build_state_before_losses(content.build_instance(), content.plan)
     planned = [state.progress_of(vehicle) for vehicle in range(len(state.fleet))]
@@ -355,7 +356,7 @@ def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ReplannedLine:
-    """What a survivor will have done by when."""
+    """Line of a survivor's progress after a re-plan."""
 
     vehicle: int
     lost: int

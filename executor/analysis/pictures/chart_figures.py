@@ -75,7 +75,7 @@ def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFi
 
 
 def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, float]], count: int) -> None:
-    """Write the numbers of the first so many beside their points, on no other point or number where there is room."""
+    """Write the numbers of the first `count` points next to them, on no other point or number where there is room."""
     figure.draw_without_rendering()
     pt_per_px = 72.0 / figure.dpi
     dots, around = axes.transData.transform(points) * pt_per_px, np.stack(np.meshgrid(DOT_PT, DOT_PT), axis=-1)
@@ -98,12 +98,11 @@ CURVE_LABEL_STEP = 0.066
 
 
 def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figure:
-    """Return the probability that everything gets inspected, one curve for each number of re-plans.
+    """Return the probability of inspecting everything, one curve for each number of re-plans.
 
     Args:
-        swept: answers in ascending order of their mean time between failures.
-        given: the answer for the time that was asked for, from more flights; it is marked, and its figures stand
-            beside the curves.
+        swept: Results in ascending order of their mean time between failures.
+        given: Result for the requested time, from more flights; it is marked, and its figures are next to the curves.
     """
     below = f"curves: {swept[0].flights} flights a point; bands: 95 % confidence"
     figure = style.make_figure(RISK_HEIGHT_IN, "Chance that everything is inspected", below)
@@ -164,7 +163,7 @@ NARROW_S = 600.0
 
 
 def draw_gantt_figure(content: DayPlanFile) -> Figure:
-    """Return the days of a plan, those on which somebody flies."""
+    """Return the schedule of a plan's days, those with sorties."""
     flown = [day for day in range(len(content.days)) if content.routes_on(day)]
     shown = flown[:MOST_DAYS] or [0]
     panel_in = ROW_IN * (len(content.vehicles) + 1)
@@ -231,7 +230,7 @@ def draw_profile_figure(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]
 
     Args:
         setup: Heights and pads.
-        routes: Visits of the network, by the vehicle's name.
+        routes: Visits of the network, by vehicle name.
     """
     shown = build_profiles(setup, build_paths(setup, routes).values())[:MOST_PANELS]
     height_in = PANEL_IN * max(1, len(shown)) + LEGEND_IN

@@ -27,7 +27,7 @@ INSPECTING_PT, TRANSIT_PT = 2.8, 0.8
 
 
 def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
-    """Return the map of a plan, over the ground if that is known."""
+    """Return the map of a plan, over the background if known."""
     styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
     routes = flight_record.build_launch_revision(content).routes
     handles = [
@@ -60,7 +60,7 @@ def _name_vehicles(
     routes: Sequence[flight_record.PlannedRoute],
     styles: Mapping[str, VehicleStyle],
 ) -> None:
-    """Write each vehicle's name beside the one of its inspections that is the farthest from others', off all lines."""
+    """Write each vehicle's name next to its inspection that is farthest from those of others, off all lines."""
     lines = itertools.chain(ends_m, *(itertools.pairwise(np.array(route.way_m)) for route in routes))
     drawn = [sample_leg(np.stack(ends), 0.05 * sheet.m_per_in) for ends in lines]
     placer = map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
@@ -92,7 +92,7 @@ def _draw_route(sheet: map_sheet.MapSheet, route: flight_record.PlannedRoute, st
                 np.array([leg[0], *turns, leg[1]]) for leg, turns in zip(legs, route.turns_m, strict=True)
             ]  # fmt: skip
         broken = np.concatenate([np.vstack((leg, [np.nan, np.nan])) for leg in legs]) if legs else np.zeros((0, 2))
-        # Over the colours of the ground lines need a white edge.
+        # On a coloured background lines need a white edge.
         effects = make_white_edge(width_pt + 1.6) if sheet.busy else []
         sheet.axes.plot(broken[:, 0], broken[:, 1], color=style.colour, lw=width_pt, zorder=4, path_effects=effects,
                         solid_capstyle="round")  # fmt: skip
@@ -115,7 +115,7 @@ LETTERS = 24
 
 
 def draw_network_figure(understood: NetworkImport) -> Figure:
-    """Return the map of a network; the longest lines have colours of their own."""
+    """Return the map of a network; the longest lines have their own colours."""
     network = understood.network
     lines = [understood.lines.get(segment.label, "") for segment in network.segments]
     lengths_m: dict[str, float] = {}
@@ -153,6 +153,6 @@ def draw_network_figure(understood: NetworkImport) -> Figure:
 
 
 def _shorten_name(name: str) -> str:
-    """Return a name that has room; a dollar sign would begin a formula."""
+    """Return a name short enough for the legend; a dollar sign would begin a formula."""
     text = name if len(name) <= LETTERS else f"{name[: LETTERS - 3]}..."
     return text.replace("$", r"\$") or "no line's name"

@@ -30,17 +30,17 @@ COVERED = 40.0
 
 
 class LabelPlacer:
-    """Finds room for one label after the other, each with a leader to what it names; each takes the room it gets."""
+    """Find room for one label after another, each with a leader to its object; each one takes up its room."""
 
     def __init__(self, taken_m: FloatArray, low_m: Place | FloatArray, high_m: Place | FloatArray) -> None:
-        """Begin with (n, 2) points that should stay visible, and the corners of the map."""
+        """Start with (n, 2) points that should stay visible, and the corners of the map."""
         self._taken_m = taken_m
         self._words_m = np.zeros((0, 2))
         self._low_m = np.array(low_m)
         self._high_m = np.array(high_m)
 
     def place_label(self, anchors_m: FloatArray, size_m: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-        """Return where a label's leader begins and where the label's middle lies.
+        """Return the start of a label's leader and the middle of the label.
 
         Args:
             anchors_m: (n, 2) places, any of which the label may name.
@@ -52,7 +52,7 @@ class LabelPlacer:
         best, best_price = 0, math.inf
         for index in np.argsort(nearness, kind="stable"):
             if nearness[index] >= best_price:
-                break  # whatever is farther costs more than this by its distance alone
+                break  # any farther one costs more by its distance alone
             price = float(nearness[index]) + COVERED * self._count_hidden(anchors[index], middles[index], size)
             if price < best_price:
                 best, best_price = int(index), price
@@ -60,7 +60,7 @@ class LabelPlacer:
         return anchors[best], middles[best]
 
     def _generate_candidates(self, anchors_m: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (c, 2) anchors and (c, 2) middles of labels about them, inside the map."""
+        """Return (c, 2) anchors and (c, 2) middles of labels around them, inside the map."""
         angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
         ring = np.column_stack((np.cos(angles), np.sin(angles)))
         # Ellipses as flat as the label, yet never nearer than two heights above or below.
@@ -71,9 +71,9 @@ class LabelPlacer:
         return anchors, np.clip(middles, self._low_m + size / 2.0, self._high_m - size / 2.0)
 
     def _count_hidden(self, anchor: FloatArray, middle: FloatArray, size: FloatArray) -> int:
-        """Return how many points the label would hide, and its leader of the words that lie already."""
+        """Return how many points the label would hide, plus the points of its leader on existing labels."""
         hidden = (np.abs(self._taken_m - middle) <= 0.6 * size).all(axis=1).sum()
-        # Of words, a point is as far from the next as a twelfth of their height.
+        # The sample points of a label are a twelfth of its height apart.
         crossed = nearest_distance_m(_sample_leader_m(anchor, middle), self._words_m) < size[1] / 6.0
         return int(hidden + crossed.sum())
 
@@ -89,7 +89,7 @@ def _sample_leader_m(anchor_m: FloatArray, middle_m: FloatArray) -> FloatArray:
 
 
 def nearest_distance_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
-    """Return (n,) float64: how far each of (n, 2) places is from the nearest of (m, 2) others; infinite without any."""
+    """Return (n,) float64: distance of each of (n, 2) places from the nearest of (m, 2) others; infinite if none."""
     if len(others_m) == 0:
         return np.full(len(places_m), math.inf)
     apart_m = np.hypot(*(places_m[:, np.newaxis] - others_m).transpose(2, 0, 1))
@@ -97,7 +97,7 @@ def nearest_distance_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray
 
 
 def find_farthest(candidates_m: FloatArray, others_m: FloatArray) -> int:
-    """Return which of (n, 2) places is the farthest from all of (m, 2) others; the first if there are no others."""
+    """Return the index of the place in (n, 2) that is farthest from all of (m, 2) others; 0 without others."""
     return int(nearest_distance_m(candidates_m, others_m).argmax())
 
 
@@ -116,7 +116,7 @@ ROOM = 0.07
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSheet:
-    """The figure and its map, with the scale."""
+    """Figure and its map, with the scale."""
 
     figure: Figure
     axes: Axes
@@ -129,9 +129,9 @@ class MapSheet:
 
 
 def make_sheet(shown_m: FloatArray, title: str, name: str, handles: Sequence[Artist]) -> MapSheet:
-    """Return an empty map, with a name, that shows (n, 2) places, and below it the legend."""
+    """Return an empty map, with a name, that shows (n, 2) places, and the legend below it."""
     low, high = shown_m.min(axis=0), shown_m.max(axis=0)
-    # A line due east has no height of its own.
+    # A line due east has no height.
     size = np.maximum(high - low, 0.25 * float(max(high - low)) + 1.0)
     middle = (low + high) / 2.0
     size *= 1.0 + 2.0 * ROOM
@@ -188,7 +188,7 @@ def _draw_areas(axes: Axes, areas: Iterable[Area]) -> None:
 
 
 def build_area_handles(areas: Sequence[Area]) -> list[Artist]:
-    """Return what explains areas; nothing where there are none."""
+    """Return the legend handles for areas; empty if there are none."""
     if not areas:
         return []
     return [Patch(facecolor=LOSS, alpha=0.3, hatch="///", label="areas that flights keep out of")]
@@ -239,7 +239,7 @@ LETTERS_PER_IN = 15.0
 
 
 def draw_below(sheet: MapSheet, view: GroundView | None, areas: Iterable[Area]) -> MapSheet:
-    """Draw areas, and what is known of the ground, below the map; returns the sheet as it is then."""
+    """Draw areas, and the known background, below the map; return the updated sheet."""
     axes = sheet.axes
     _draw_areas(axes, areas)
     if view is None or (view.background is None and view.relief is None):
@@ -261,7 +261,7 @@ def draw_below(sheet: MapSheet, view: GroundView | None, areas: Iterable[Area]) 
 
 
 def describe_ground(view: GroundView) -> str:
-    """Return what has to be said of a ground: by whom it is, and how far apart its contour lines are."""
+    """Return the caption of a background: attribution and contour interval."""
     lines = "" if view.relief is None or not view.relief.contours else f"contours every {view.relief.interval_m:g} m"
     return "; ".join(part for part in (lines, view.attribution) if part)
 
@@ -284,7 +284,7 @@ def _show_image(axes: Axes, background: Background, alpha: float) -> AxesImage:
 
 
 def _draw_contours(axes: Axes, sheet: MapSheet, contours: Iterable[Contour]) -> None:
-    """Draw what is shown of contour lines, every bold one with its height."""
+    """Draw the visible part of contour lines, each bold one with its height."""
     lines: dict[tuple[float, bool], list[FloatArray]] = {}
     for one in contours:
         places_m = np.array(one.places_m)
@@ -303,7 +303,7 @@ def _draw_contours(axes: Axes, sheet: MapSheet, contours: Iterable[Contour]) -> 
 
 
 def _draw_attribution(axes: Axes, sheet: MapSheet, words: str) -> None:
-    """Write in the strip, between scale and north, as much as there is room for."""
+    """Write the attribution into the strip, between scale and north arrow, as far as there is room."""
     west, east = axes.get_xlim()
     room_in = (east - west) / sheet.m_per_in - 3.2
     most = max(20, int(room_in * LETTERS_PER_IN))

@@ -1,4 +1,4 @@
-"""Style of a vehicle in every picture: distinct hue, lightness, and dash or marker, so that it works in grey."""
+"""Define a vehicle's style in every picture: distinct hue, lightness, and dash or marker, so that it works in grey."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DASHES: tuple[Dashes, ...] = (
 """As many as markers, and coprime to the number of colours: 56 distinct vehicles."""
 
 LOSS = "#c81414"
-"""Red of everything that went wrong."""
+"""Red for faults and losses."""
 INK = "#222222"
 FAINT = "#9a9a9a"
 """Grey of the network and other background."""
@@ -41,7 +41,7 @@ WIDTH_IN = 12.0
 
 @dataclass(frozen=True, slots=True)
 class VehicleStyle:
-    """One vehicle's look."""
+    """Style of one vehicle."""
 
     colour: str
     marker: str
@@ -50,12 +50,12 @@ class VehicleStyle:
 
 
 def style_of(layer: int) -> VehicleStyle:
-    """Return the look of the vehicle in a layer."""
+    """Return the style of the vehicle in a layer."""
     return VehicleStyle(COLOURS[layer % len(COLOURS)], MARKERS[layer % len(MARKERS)], DASHES[layer % len(DASHES)])
 
 
 def make_figure(height_in: float, title: str, below: str = "") -> Figure:
-    """Return an empty figure of the usual width with its title, and a smaller line below that."""
+    """Return an empty figure of the usual width with its title, and a smaller line below it."""
     figure = Figure(figsize=(WIDTH_IN, height_in), facecolor=PAPER)
     figure.text(0.01, 1.0 - 0.3 / height_in, title, fontsize=14, fontweight="bold", color=INK, va="center")
     figure.text(0.01, 1.0 - 0.58 / height_in, below, fontsize=9.5, color=INK, va="center")
@@ -63,5 +63,5 @@ def make_figure(height_in: float, title: str, below: str = "") -> Figure:
 
 
 def make_white_edge(width_pt: float) -> list[AbstractPathEffect]:
-    """Return the effect of a white edge about a line or a text, so that it stands off what lies beneath."""
+    """Return a white edge around a line or a text, to set it off from the background."""
     return [Stroke(linewidth=width_pt, foreground=PAPER), Normal()]
