@@ -1,1 +1,1 @@
-"""Measurements of the planner against published figures, other solvers and the clock; nothing of it flies."""
+"""Measurements of the planner against published figures, other solvers and the clock; no part flies."""

@@ -41,8 +41,8 @@ def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed:
     """Measure the parts one after the other, and write solvers-<part>.md and .json of each.
 
     Raises:
-        ExtraMissing: one of them is drawn, and nothing is installed to draw with.
-        BenchError: something that was measured cannot be, or the directory cannot be written.
+        ExtraMissing: a part has a picture, and no drawing library is installed.
+        BenchError: a measurement is not possible, or the directory cannot be written.
     """
     for part in parts:
         if WORK[part].draw is not None:

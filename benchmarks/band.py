@@ -1,10 +1,9 @@
-"""Whether the predicted landing percentage holds what comes in, on vehicles that differ from what is known of them.
+"""Whether the predicted landing percentage contains the true one, on vehicles that differ from their models.
 
-Every flight is drawn anew: what a vehicle uses, what its pack holds, how fast it flies, how full it starts, and the
-wind beside what the site says. At every tenth of a route the band that the ground station shows then is held against
-what the simulated battery really has left at the landing; and the very rows that say "below its reserve" look at it all
-the way, at a reserve that lies some way below the landing that the plan promises. None of them acts, so that every
-flight ends as its plan has it.
+Every flight is randomised: consumption, capacity, speed, initial charge, and the wind relative to the site's. At every
+tenth of a route the band that the ground station shows is compared with the true charge of the simulated battery at
+landing; and the actual "below its reserve" rules are evaluated throughout, with a reserve slightly below the planned
+landing charge. None of them acts, so every flight ends as planned.
 """
 
 from __future__ import annotations
@@ -30,25 +29,25 @@ from executor.core.state.vehicle_state import Stage, VehicleState
 from simulator.config import SimVehicle
 
 SEGMENTS = (4, 8)
-"""Of a route."""
+"""Segments of a route."""
 CONSUMPTION_SD = 0.10
-"""What a vehicle uses beside what the energy model says, as a part of it."""
+"""Standard deviation of consumption, relative to the energy model."""
 CAPACITY_SD = 0.05
-"""What a pack holds beside what its data sheet says, as a part of it."""
+"""Standard deviation of capacity, relative to the data sheet."""
 MOST_SD = 2.5
-"""Farther from the model nothing is drawn: that is no vehicle but a fault."""
+"""Limit of drawn deviations: a vehicle beyond it is faulty."""
 SLOWER = 0.10
-"""A vehicle flies up to this much slower than it is told, evenly."""
+"""Maximum share by which a vehicle flies slower than commanded, uniform."""
 WIND_M_S = (0.0, 6.0)
-"""As the site says it."""
+"""Wind in the site."""
 WIND_SD_M_S = 1.5
-"""Of each component of the wind, about what the site says."""
+"""Standard deviation of each wind component about the site's."""
 CHARGE_PCT = (90.0, 100.0)
-"""At the take-off."""
+"""Charge at take-off."""
 USES_PCT = (30.0, 65.0)
-"""Of the battery, by the plan."""
+"""Planned share of the battery."""
 MARGIN_PCT = (0.0, 15.0)
-"""Between the landing that the plan promises and the reserve."""
+"""Margin between the planned landing charge and the reserve."""
 TENTHS = 10
 LOOKS_S = 1.0
 RESERVE = next(point for point in watchpoints.TABLE if point.judge is watchpoints.check_reserve)
@@ -56,7 +55,7 @@ RESERVE = next(point for point in watchpoints.TABLE if point.judge is watchpoint
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What was predicted at one moment."""
+    """Prediction at one moment."""
 
     tenth: int
     landing_pct: float
@@ -71,13 +70,13 @@ class BandRoute:
     vehicle: str
     autopilot: str
     landed_pct: float
-    """What its battery really had left."""
+    """True charge at landing."""
     reserve_pct: float
     sights: tuple[Sight, ...]
     warned_s: float | None
-    """When it was first said to be in doubt that it lands above its reserve."""
+    """Time of the first warning that it may land below its reserve."""
     faulted_s: float | None
-    """When it would first have been a fault."""
+    """Time of the first fault declaration that would have followed."""
 
     @property
     def above(self) -> bool:
@@ -93,12 +92,12 @@ class BandFlight:
     flown_s: float
     took_s: float
     wrong: str = ""
-    """Why it is not counted."""
+    """Why it does not count."""
 
 
 @dataclass(slots=True)
 class _Watched:
-    """What was seen of one vehicle so far."""
+    """Observations of one vehicle so far."""
 
     reserve_pct: float
     sights: list[Sight] = field(default_factory=list)
@@ -109,12 +108,12 @@ class _Watched:
 
 
 def band_cases(routes: int, seed: int, autopilots: Sequence[str]) -> list[RouteCase]:
-    """Draw so many routes."""
+    """Draw this many routes."""
     return cases(routes, seed, autopilots, [None], sizes=SEGMENTS)
 
 
 def fly_band(case: RouteCase) -> BandFlight:
-    """Make up a flight of vehicles that differ from their models, and fly it; the same case gives the same figures."""
+    """Generate a flight of vehicles that differ from their models, and fly it; the same case gives the same figures."""
     rng = np.random.default_rng([case.seed, case.number, 90])
     said_m_s, course = rng.uniform(*WIND_M_S), rng.uniform(0.0, 2.0 * math.pi)
     wind_m_s = (float(said_m_s * math.sin(course)), float(said_m_s * math.cos(course)))
@@ -189,7 +188,7 @@ def _drawn(rng: np.random.Generator) -> _Drawn:
 
 
 def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -> None:
-    """Take what the ground station says of a vehicle at one moment."""
+    """Record the ground station's prediction for a vehicle at one moment."""
     board = state.assignment.board
     if board is None or state.stage is not Stage.FLYING or now_s - seen.looked_s < LOOKS_S:
         return
@@ -200,7 +199,7 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
         return
     whole_s = estimate_mission(board)[0]
     behind_s = sum(leg.duration_s for leg in board.legs[: state.assignment.waypoint])
-    # A leg may be longer than a tenth: what was not reached before it counts where it ends.
+    # A leg may be longer than a tenth: tenths not reached before count where it ends.
     while len(seen.sights) < TENTHS and behind_s >= len(seen.sights) / TENTHS * whole_s:
         seen.sights.append(Sight(len(seen.sights), ahead.mean_pct, ahead.sd_pct, ahead.band_pct))
     view = WatchView(context, setup, state, seen.failing_since_s is not None, now_s)
@@ -216,7 +215,7 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
 
 
 def band_held(flights: Sequence[BandFlight]) -> Json:
-    """Return how often the band held what came in, tenth by tenth, and how often "below its reserve" was wrong."""
+    """Return how often the band contained the true value, by tenths, and how often "below its reserve" was wrong."""
     routes = [route for flight in flights for route in flight.routes]
     above = [route for route in routes if route.above]
     below = [route for route in routes if not route.above]

@@ -1,8 +1,8 @@
-"""Flights that begin as one and go on as many: what they share is flown once.
+"""Flights that begin as one and branch: their common part is flown once.
 
-A flight in virtual time is one process without a second thread. Just before one of several faults befalls a vehicle
-the process is forked: the child suffers the fault and flies on to its own end, the parent flies on as if nothing had
-been. Ten losses in the last quarter of a plan take the time of three flights.
+A flight in virtual time is one process without a second thread. Just before a fault the process is forked: the child
+gets the fault and flies to its own end, the parent continues without it. Ten losses in the last quarter of a plan take
+the time of three flights.
 """
 
 from __future__ import annotations
@@ -25,37 +25,37 @@ from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
 
 AHEAD_S = 0.5
-"""Before the fault: it then comes in its own time."""
+"""Lead before the fault, which then triggers at its own time."""
 R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A fault that one of the flights suffers."""
+    """A fault of one of the flights."""
 
     vehicle: str
     at_s: float
-    """Since the vehicle began its mission."""
+    """Time since the vehicle began its mission."""
     spec: str
-    """As ``--fault`` takes it."""
+    """Fault as for ``--fault``."""
 
 
 def fly_branches(
     ground: SiteModel, plan: PlanFile, branches: Sequence[Branch], judged: Callable[[VirtualFlight, int], R], *,
     jobs: int = 1, seed: int = 0,
 ) -> list[R]:  # fmt: skip
-    """Fly a plan once for each fault and return what is found of each flight, in the order of the faults.
+    """Fly a plan once for each fault and return each flight's result, in the order of the faults.
 
     Args:
         ground: The site.
         plan: Over all of its segments.
         branches: One fault for each flight.
-        judged: What is kept of a flight; told which one it is.
-        jobs: How many flights go on side by side, besides the one that they come from.
-        seed: Of the links' chance, the same for all.
+        judged: Returns the result of a flight; receives its number.
+        jobs: Parallel flights besides the common one.
+        seed: Seed of the links, the same for all.
 
     Raises:
-        FlightNotFlown: a flight came to no end.
+        FlightNotFlown: a flight did not end.
     """
     if not branches:
         return []
@@ -76,7 +76,7 @@ def fly_branches(
 
 
 class _Trunk(Generic[R]):
-    """What the flights have in common, and in a child its own one."""
+    """The flights' common part, and in a child its own flight."""
 
     def __init__(self, branches: Sequence[Branch], jobs: int) -> None:
         self._branches = branches
@@ -86,15 +86,15 @@ class _Trunk(Generic[R]):
         """By number: process and pipe."""
         self._found: dict[int, R] = {}
         self._answer: Connection | None = None
-        """In a child: where its answer goes."""
+        """In a child: pipe for its answer."""
         self.own = -1
-        """Which flight this is; the last one is the parent's own.
+        """Number of this flight; the last one is the parent's own.
 
-        A fault whose time never came, as its vehicle had landed, changes nothing: such flights are the parent's too.
+        A fault that never triggers, as its vehicle has landed, changes nothing: such flights are the parent's too.
         """
 
     def fork_near_faults(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
-        """Branch off where a fault is near."""
+        """Fork before a fault that is due soon."""
         for number in tuple(self._waiting):
             branch = self._branches[number]
             mission_s = vehicles[branch.vehicle].autopilot.mission_s
@@ -106,14 +106,14 @@ class _Trunk(Generic[R]):
                 vehicles[branch.vehicle].schedule_injection(parse_fault(branch.spec))
 
     def _fork(self, number: int) -> bool:
-        """Return whether this is the child that is to fly on with a fault."""
+        """Return whether this is the child that flies on with a fault."""
         while len(self._children) >= self._jobs:
             self._gather(next(iter(self._children)))
         reads, writes = multiprocessing.Pipe(duplex=False)
         loop = asyncio.get_running_loop()
         process = os.fork()
         if process == 0:
-            _set_running_loop(loop)  # in a child none runs, by asyncio's own account
+            _set_running_loop(loop)  # asyncio reports no running loop in a child
             reads.close()
             self._answer = writes
             return True
@@ -133,11 +133,11 @@ class _Trunk(Generic[R]):
                 raise FlightNotFlown(f"a flight in virtual time: {spec}: its process ended without one") from error
 
     def list_own_flights(self) -> list[int]:
-        """Return which flights this one was."""
+        """Return the numbers of the flights that this one represents."""
         return ([self.own] if self.own >= 0 else []) + (self._waiting if self._answer is None else [])
 
     def end(self, found: list[R] | None) -> None:
-        """End a child, with its answer; a parent that failed waits for its children."""
+        """End a child, with its answer; a failed parent waits for its children."""
         if self._answer is not None:
             if found is not None:
                 with self._answer as pipe:
@@ -145,7 +145,7 @@ class _Trunk(Generic[R]):
             os._exit(0)
 
     def gather_results(self, own: list[R]) -> list[R]:
-        """Return what is known of all flights once the last one has ended."""
+        """Return the results of all flights once the last one has ended."""
         for number in list(self._children):
             self._gather(number)
         self._found.update(zip(self.list_own_flights(), own, strict=True))

@@ -1,4 +1,4 @@
-"""A browser's side of the page: how old the state is that somebody sees, in a process of its own."""
+"""A browser's side of the page: the age of the state it shows, in its own process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from multiprocessing.connection import Connection
 
 AGAIN_S = 0.2
-"""Real seconds between two attempts to reach a page that is not there yet."""
+"""Real seconds between two attempts to reach a page that is not available yet."""
 LOAD = (
     "/",
     "/files/map.css",
@@ -22,15 +22,15 @@ LOAD = (
     "/files/strips.js",
     "/chart",
 )
-"""What a browser asks for before it follows."""
+"""Files that a browser requests before it follows the stream."""
 
 Seen = list[tuple[float, float]]
-"""When a state arrived, in seconds since 1970, and the flight's time that it is of."""
+"""Arrival of each state, in seconds since 1970, and its flight time."""
 
 
 @contextlib.contextmanager
 def browser(port: int) -> Iterator[Connection]:
-    """Follow the page of this computer as a browser does; yields where `seen` reads what it saw, once the page ends."""
+    """Follow the page of this computer as a browser does; yields the connection for `seen`, once the page ends."""
     here = multiprocessing.get_context("spawn")
     ours, theirs = here.Pipe(duplex=False)
     process = here.Process(target=_follow, args=(port, theirs), daemon=True)
@@ -44,13 +44,13 @@ def browser(port: int) -> Iterator[Connection]:
 
 
 def oldest_shown_s(seen: Seen, began_unix_s: float, speedup: float, since_s: float) -> float:
-    """Return how old a state grew at most before the next one took its place, in real seconds.
+    """Return the maximum age of a state when the next one replaced it, in real seconds.
 
     Args:
-        seen: What a browser saw.
-        began_unix_s: When the flight's clock was at zero.
-        speedup: Seconds of the flight in a real one.
-        since_s: The flight's time from when on it counts.
+        seen: States that a browser received.
+        began_unix_s: Time at which the flight's clock was at zero.
+        speedup: Flight seconds per real second.
+        since_s: Flight time from which on states count.
     """
     made_s = [began_unix_s + now_s / speedup for _, now_s in seen]
     ages_s = [

@@ -1,4 +1,4 @@
-"""pymavlink's codec alone over our own telemetry logs: the yardstick for what the ground station costs."""
+"""pymavlink's codec alone over our own telemetry logs: the reference for the ground station's cost."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def measure_bare_codec_s(logs: Sequence[Path], launched_usec: float) -> float:
 
 
 def _read_frames(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the frames of a log of our own, each with its time; all are MAVLink 2 and whole."""
+    """Yield the timed frames of our own log; all are complete MAVLink 2."""
     at = 0
     while at + STAMP.size + 12 <= len(content):
         size = 12 + content[at + 9] + 13 * (content[at + 10] & 1)

@@ -1,4 +1,4 @@
-"""Where the published benchmark data lies, and the figures that others have reported for it."""
+"""Location of the published benchmark data, and figures reported for it by others."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ TSPLIB = "tsplib"
 
 
 def data_directory(given: Path | None) -> Path | None:
-    """Return the directory of the data: the one given, or ../shared/data beside the project or the working directory.
+    """Return the data directory: the given one, or ../shared/data next to the project or the working directory.
 
     Raises:
-        BenchError: the one given does not exist.
+        BenchError: the given directory does not exist.
     """
     return find_shared_folder(given, "data", f"a directory with {NECHRANICE}")
 
@@ -27,8 +27,8 @@ def papers_network(given: Path | None, otherwise: str = "") -> Path:
     """Return the paper's network in the data.
 
     Args:
-        given: The directory, as `data_directory` has it.
-        otherwise: What else could be asked for, as it ends a message.
+        given: The directory, as for `data_directory`.
+        otherwise: The alternative, appended to a message.
 
     Raises:
         BenchError: it is not there.
@@ -40,10 +40,10 @@ def papers_network(given: Path | None, otherwise: str = "") -> Path:
 
 
 def find_shared_folder(given: Path | None, name: str, expected: str) -> Path | None:
-    """Return the folder given by the option of its name, or else that of ../shared beside the project or from here.
+    """Return the folder given by the option of its name, or ../shared's next to the project or working directory.
 
     Raises:
-        BenchError: the one given does not exist.
+        BenchError: the given folder does not exist.
     """
     if given is None:
         beside = Path("..") / "shared" / name
@@ -103,7 +103,7 @@ PAPER = (
 
 @dataclass(frozen=True, slots=True)
 class MtspReference:
-    """The best known longest tour of a min-max multiple TSP."""
+    """Best known longest tour of a min-max multiple TSP."""
 
     instance: str
     vehicles: int
@@ -115,7 +115,7 @@ def mtsp_references(data: Path) -> tuple[MtspReference, ...]:
     """Read the best known values.
 
     Raises:
-        BenchError: the file cannot be read, or is not such a table.
+        BenchError: the file cannot be read, or has another format.
     """
     path = data / MTSP
     try:

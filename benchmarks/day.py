@@ -1,4 +1,4 @@
-"""`faultline bench day`: days of many sorties beside proven optima, of a whole network, and with losses."""
+"""`faultline bench day`: days of many sorties: against proven optima, over a whole network, and with losses."""
 
 from __future__ import annotations
 
@@ -38,14 +38,15 @@ from planner.sorties import (
 
 Told = Callable[[str, int, int], None]
 SMALL = 24
-"""Instances beside proven optima."""
+"""Instances compared with proven optima."""
 SEGMENTS, BASES, VEHICLES, PACKS = 8, 2, 2, 2
 SMALL_ITERATIONS = 100_000
 SAME = 1e-5
 LONGEST_S = 36_000.0
-"""Of a search whose iterations end it."""
+"""Time limit of a search that its iterations end."""
 GENERATOR_AH = 1094.0
-"""Of a vehicle with a generator: the paper's network is 130 km wide, and four bases leave 36 km to its last pylon."""
+"""Battery of a vehicle with a generator: the paper's network is 130 km wide, and four bases leave 36 km to its last
+pylon."""
 MTBF_H = (2.0, 5.0, 20.0)
 SPARES = 3
 SHARES = (0.95, 0.99)
@@ -123,12 +124,12 @@ def _distance_m(one_m: FloatArray, other_m: FloatArray) -> FloatArray:
 
 
 def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
-    """Plan a whole network from four bases with six vehicles; the search has what is left of the time."""
+    """Plan a whole network from four bases with six vehicles; the search gets the remaining time."""
     told("the whole network", 0, 1)
     watch = Stopwatch()
     content = build_day_problem(load_site_model(check_site(whole_site(network), "bench day"), Path()))
     ready_s = watch.seconds
-    # The search's own watch begins with the pricing of all moves.
+    # The search's own timer starts with the pricing of all moves.
     wanted = PlanRequest(None, max(1.0, seconds - ready_s), seed, starts=cores())
     content = solve_day(content, wanted)
     told("the whole network", 1, 1)
@@ -153,7 +154,7 @@ def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
 
 
 def whole_site(network: Path) -> dict[str, Any]:
-    """Return a site over a graph file: six vehicles with generators, four bases in the middle of its parts."""
+    """Return a site over a graph file: six vehicles with generators, four bases in the centres of its parts."""
     frame = read_network(default_network_path()).frame
     depot = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
     whole = read_network(network, depot=(frame.lat_deg, frame.lon_deg, frame.alt_m))
@@ -176,7 +177,7 @@ def whole_site(network: Path) -> dict[str, Any]:
 
 
 def centres_m(places_m: FloatArray, count: int) -> FloatArray:
-    """Return the centres of parts, each begun at the place farthest from the others, busiest first (Lloyd 1982)."""
+    """Return the centres of parts, each seeded at the place farthest from the others, busiest first (Lloyd 1982)."""
     centres = places_m[:1]
     for _ in range(count - 1):
         centres = np.vstack((centres, places_m[_distance_m(places_m, centres).min(axis=1).argmax()]))
@@ -188,7 +189,7 @@ def centres_m(places_m: FloatArray, count: int) -> FloatArray:
 
 
 def fleet_rows(samples: int, seed: int, told: Told) -> list[Json]:
-    """Fly faultline's own network many times with losses, with more and more spares; the rule of thumb beside it."""
+    """Fly faultline's own network many times with losses, with increasing spares; compare with the rule of thumb."""
     content = own_day(seed)
     rows, done = [], 0
     for mtbf_h in MTBF_H:
@@ -242,7 +243,7 @@ def own_day(seed: int) -> DayPlanFile:
 
 
 def crowded_m(places_m: FloatArray, count: int, reach_m: float) -> FloatArray:
-    """Return places, each where most of what no place before it reaches is within `reach_m`."""
+    """Return places, each at the largest count of places within `reach_m` not covered by an earlier one."""
     near = _distance_m(places_m, places_m) <= reach_m
     left, found = np.ones(len(places_m), dtype=np.bool_), []
     for _ in range(count):

@@ -1,4 +1,4 @@
-"""What `faultline bench day` shows, as a page of the results."""
+"""Output of `faultline bench day`, as a page of the results."""
 
 from __future__ import annotations
 

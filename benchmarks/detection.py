@@ -1,4 +1,4 @@
-"""`faultline bench detection`: how well the watchpoints detect, on hundreds of modelled flights."""
+"""`faultline bench detection`: detection quality of the watchpoints on hundreds of modelled flights."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ TICK_S = 0.5
 KINDS = ("step", "drain", "cell", "silent")
 AUTOPILOTS = ("ardupilot", "px4")
 DRAINS = ((1.3, 1.7), (1.7, 2.5), (2.5, 4.0))
-"""Times the normal rate, from mild to severe."""
+"""Multiples of the normal consumption, from mild to severe."""
 MARGIN_S = 1.0
-"""A silence within this of the time-out may be declared or not."""
+"""Margin around the time-out in which a silence may be declared or not."""
 
 
 @dataclass(frozen=True, slots=True)
 class Detected:
-    """One flight, judged."""
+    """One judged flight."""
 
     injected: Injected
     autopilot: str
@@ -43,15 +43,15 @@ class Detected:
     """The watchpoint, and its evidence."""
     at_s: float | None
     false: bool
-    """Declared where nothing was wrong, or as something else."""
+    """Declared without a fault, or as another kind."""
     wanted: bool
     """Whether a declaration was due."""
     breaks: bool
-    """Whether the fault would have broken the reserve, and it could have come home when it began."""
+    """Whether the fault would have broken the reserve, and RTL was possible when it began."""
     in_time: bool
-    """Declared while it could still come home."""
+    """Declared while RTL was still possible."""
     extra_pct: float
-    """Used beyond the normal until it was declared."""
+    """Consumption above normal until the declaration."""
 
 
 def poisson_interval(count: int) -> tuple[float, float]:
@@ -82,7 +82,7 @@ def _site(autopilot: str) -> ModelledSite:
 def judge_flight(
     site: ModelledSite, flight: ModelledFlight, limits: Limits | None = None, *, few_lines: bool = False
 ) -> Detected:
-    """Feed a flight to the watchpoints, or to the few lines, and judge what they say."""
+    """Feed a flight to the watchpoints, or to the simple detector, and judge their declarations."""
     name = site.drones[flight.vehicle]
     context = site.context if limits is None else replace(site.context, limits=limits)
     known = FleetState(
@@ -116,13 +116,13 @@ def _outcome(site: ModelledSite, flight: ModelledFlight, first: tuple[float, Fau
     reserve = site.context.vehicles[name].reserve_pct
     timeout_s = site.context.vehicles[name].link_timeout_s
     breaks_it = flight.remaining_pct[-1] < reserve
-    # Nobody knows better than the autopilot's own percentage, by which its failsafes act too.
+    # The autopilot's own percentage is the best available value, and its failsafes use it too.
     lands_low = breaks_it or flight.reported_pct < reserve
     wanted = fault.kind is FaultKind.BATTERY or (fault.kind is FaultKind.LINK and fault.size > timeout_s + MARGIN_S)
     if fault.kind is FaultKind.LINK and flight.lasted_s - fault.at_s < timeout_s + MARGIN_S:
         wanted = False  # it lands before
     onset = min(len(flight.remaining_pct) - 1, int(fault.at_s)) if fault.kind is not None else 0
-    # With what it uses from then on, which the second after shows.
+    # Includes the consumption from then on, which the next second shows.
     after = min(len(flight.home_pct) - 1, onset + 1)
     could = flight.remaining_pct[after] > flight.home_pct[after]
     breaks = fault.kind is FaultKind.BATTERY and fault.what != "cell" and breaks_it and could
@@ -131,7 +131,7 @@ def _outcome(site: ModelledSite, flight: ModelledFlight, first: tuple[float, Fau
     at_s, kind, reason = first
     second = min(len(flight.remaining_pct) - 1, int(at_s))
     early = at_s < fault.at_s
-    # A worn pack in a strong wind may break the reserve without any fault: to say so is no false alarm.
+    # A worn pack in strong wind may break the reserve without a fault: declaring that is no false alarm.
     right = (lands_low and kind is FaultKind.BATTERY) if early else kind is fault.kind
     if not early and fault.kind is FaultKind.LINK and fault.size < timeout_s - MARGIN_S:
         right = lands_low and kind is FaultKind.BATTERY
@@ -152,14 +152,14 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One flight, judged by either detector."""
+    """One flight, judged by both detectors."""
 
     watchpoints: Detected
     few_lines: Detected
 
 
 def fly_job(job: Job) -> list[Pair]:
-    """Fly and judge them; the same seed and number always give the same flight."""
+    """Fly and judge a job; the same seed and number always give the same flight."""
     found = []
     for number in job.numbers:
         rng = np.random.default_rng([job.seed, number, ("healthy", *KINDS).index(job.what)])
@@ -173,7 +173,7 @@ def fly_job(job: Job) -> list[Pair]:
 def campaign(
     healthy: int, faulty: int, seed: int, jobs: int, told: Callable[[int, int], None] = lambda *_: None
 ) -> list[Pair]:
-    """Fly a campaign: so many healthy flights, and so many with each kind of fault."""
+    """Fly a campaign: ``healthy`` healthy flights, and ``faulty`` with each kind of fault."""
     share = 10
     work = [
         Job(what, tuple(range(begin, min(begin + share, count))), seed)
@@ -194,7 +194,7 @@ def campaign(
 
 
 def detection_summary(outcomes: Sequence[Detected]) -> dict[str, object]:
-    """Return the figures of a campaign as JSON has them."""
+    """Return the figures of a campaign as JSON."""
     hours = sum(one.lasted_s for one in outcomes) / 3600
     false = [one for one in outcomes if one.false]
     low, high = poisson_interval(len(false))
@@ -224,7 +224,7 @@ def _name(outcome: Detected) -> str:
 
 
 def _rate(hits: int, of: int) -> dict[str, object]:
-    """Return a rate with its 95 % interval; of nothing anything is possible."""
+    """Return a rate with its 95 % interval; 0 to 1 without samples."""
     found = estimate_probability(hits, of) if of else ProbabilityEstimate(0.0, 0.0, 1.0)
     return {"rate": round(found.estimate, 4), "rate_95": [round(found.low, 4), round(found.high, 4)]}
 

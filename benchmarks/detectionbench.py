@@ -1,4 +1,4 @@
-"""What `faultline bench detection` does: modelled flights, recorded ones with truths, logs of real aircraft."""
+"""Implementation of `faultline bench detection`: modelled flights, recorded ones with truths, logs of real aircraft."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from benchmarks.store import Json, keep_result
 
 
 def make_detection(modelled: tuple[int, int] | None, seed: int, jobs: int, logs: Path | None, out: Path | None) -> Json:
-    """Make the figures and, where a folder is given, the pages.
+    """Compute the figures and, with an output folder, write the pages.
 
     Args:
-        modelled: how many healthy flights, and how many of each fault; None for recorded flights alone.
+        modelled: numbers of healthy flights, and of each fault; None for recorded flights only.
         seed: of the modelled flights.
         jobs: processes.
-        logs: where recorded flights lie; by default ../shared/logs.
-        out: where the pages are written.
+        logs: folder of recorded flights; by default ../shared/logs.
+        out: folder for the pages.
 
     Raises:
         BenchError: the folder of logs does not exist, or `out` cannot be written.
@@ -59,7 +59,7 @@ def make_detection(modelled: tuple[int, int] | None, seed: int, jobs: int, logs:
 
 
 def print_detection(content: Json) -> None:
-    """Print it."""
+    """Print the figures."""
     for name in ("watchpoints", "few_lines"):
         if name in content:
             print_summary(name.replace("_", " "), content[name])

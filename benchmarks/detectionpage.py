@@ -1,4 +1,4 @@
-"""The page of `faultline bench detection`: modelled flights, and recorded ones whose truths are known."""
+"""The page of `faultline bench detection`: modelled flights, and recorded ones with known truths."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ FEW_LINES = "a percentage below 25 %, a heartbeat older than 5 s"
 
 
 def logs_directory(given: Path | None) -> Path | None:
-    """Return the folder of recorded flights: the one given, or ../shared/logs beside the project or from here.
+    """Return the folder of recorded flights: the given one, or ../shared/logs next to the project or working directory.
 
     Raises:
-        BenchError: the one given does not exist.
+        BenchError: the given folder does not exist.
     """
     return find_shared_folder(given, "logs", "a folder of telemetry logs with their truths")
 
 
 def judge_recorded_flights(folder: Path) -> list[Json]:
-    """Return what either detector declares in each telemetry log of a folder that has a truth, first of all."""
+    """Return the first declarations of both detectors in each telemetry log of a folder that has a truth."""
     truths, rows = read_recorded_truths(folder), []
     for path in sorted(folder.glob("*.tlog")):
         truth = truth_for(path, truths)
@@ -180,7 +180,7 @@ def print_summary(name: str, figures: Mapping[str, Any]) -> None:
 
 
 def print_recorded(content: Mapping[str, Any]) -> None:
-    """Print what was declared in recorded flights."""
+    """Print the declarations in recorded flights."""
     for row in content["recorded"]:
         print(f"  {row['log']}: {row['fault'] or 'no fault'}")
         for name, words in NAMES.items():

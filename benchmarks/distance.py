@@ -1,9 +1,9 @@
-"""`faultline bench distance`: at which distance the line is inspected, and how near vehicles come, flown with faults.
+"""`faultline bench distance`: actual inspection distance and separation of vehicles, flown with faults.
 
-With `same_distance` everybody inspects at the asked distance wherever no other vehicle's way crosses. Fleets are flown
-over parts of the network in virtual time, in wind, some of them slower than planned; vehicles crash, fall silent, are
-brought home by their pilots, or use too much. What is said of each segment, and how near any two come, is held against
-the simulator's own places.
+With `same_distance` every vehicle inspects at the requested distance wherever no other vehicle's path crosses. Fleets
+fly over parts of the network in virtual time, in wind, some of them slower than planned; vehicles crash, fall silent,
+return under their pilots' control, or use too much energy. The report on each segment, and the separation of any two
+vehicles, are checked against the simulator's own positions.
 """
 
 from __future__ import annotations
@@ -34,32 +34,32 @@ from simulator.fleet import SimulatedVehicle
 
 VEHICLES = (3, 8)
 RADII_M = (400.0, 500.0, 600.0, 700.0)
-"""About the depot: 13 to 33 segments of faultline's own network."""
+"""Radii about the depot: 13 to 33 segments of faultline's own network."""
 WIND_M_S = 6.0
 SLOWER = 0.2
-"""A vehicle flies up to this share slower than it is told: it is late by a minute and more."""
+"""A vehicle flies up to this share slower than commanded: it is late by a minute and more."""
 USES_PCT = 45.0
-"""Of its battery, the dearest route, unless something else is asked for."""
+"""Default share of the battery that the most expensive route uses."""
 BUDGET_PCT = 75.0
-"""What a vehicle may use: enough to take over another's part, and to come down to the line for it."""
+"""Budget of a vehicle: enough to take over another's part, and to descend to the line for it."""
 SETTLED = 500
 FAULTS = ("crash", "silent", "silent=30", "pilot=RTL", "drain=4", "")
-"""What befalls a vehicle, one as often as another; the last is nothing."""
+"""Faults of a vehicle, equally frequent; the last is none."""
 SECOND = 0.3
-"""Of the flights, those in which something befalls another vehicle too."""
+"""Share of flights in which a second vehicle has a fault too."""
 AIRBORNE_M = 1.0
 OFF_M = 1.0
-"""What the distance may be off."""
+"""Tolerance of the distance."""
 ALONG = 0.1
-"""Of a segment, at both ends, where a vehicle may still go up or down."""
+"""Share of a segment, at both ends, where a vehicle may still climb or descend."""
 ASIDE_M = 3.0
 FAST = 1.35
-"""More than this times the inspection's speed is a transit."""
+"""Speed above this multiple of the inspection's is a transit."""
 
 
 @dataclass(frozen=True, slots=True)
 class DistanceFlight:
-    """What became of it."""
+    """Result of one flight."""
 
     number: int
     autopilot: str
@@ -67,50 +67,50 @@ class DistanceFlight:
     segments: int
     faults: tuple[str, ...]
     planned_asked: int
-    """Segments that the plan inspects at the asked distance."""
+    """Segments that the plan inspects at the requested distance."""
     counted: int
     """Segments that count."""
     counted_asked: int
-    """Those of which the report says the asked distance."""
+    """Of these, the ones reported at the requested distance."""
     untold: int
-    """Those of which it says none."""
+    """Of these, the ones reported without a distance."""
     off: tuple[str, ...]
-    """Where the vehicle truly was farther off than is said."""
+    """Segments where the vehicle was truly farther off than reported."""
     replans: int
     nearest_m: float
-    """Any two in the air, by the simulator."""
+    """Minimum separation of any two in the air, in the simulator."""
     promised_m: float
     nearest: str
-    """Who, and when."""
+    """Their names, and the time."""
     longest_s: float
     longest_in_layers_s: float
-    """The longest route of the same plan, with everybody in its layer all the time."""
+    """Longest route of the same plan, with every vehicle in its layer all the time."""
     flown_s: float
     wrong: str = ""
-    """Why there was no flight, or it did not end."""
+    """Why there was no flight, or why it did not end."""
 
     @property
     def longer_pct(self) -> float:
-        """By how much the longest route is longer than with everybody in its layer."""
+        """Extra length of the longest route, relative to every vehicle in its layer."""
         return 100.0 * (self.longest_s / self.longest_in_layers_s - 1.0)
 
     @property
     def lasted_longer_pct(self) -> float:
-        """By how much the flight lasted longer than the longest route is planned for."""
+        """Extra duration of the flight, relative to the planned longest route."""
         return 100.0 * (self.flown_s / self.longest_s - 1.0)
 
 
 @dataclass(slots=True)
 class _Watched:
-    """Where everybody truly was, ten times a second."""
+    """True positions of all vehicles, ten times a second."""
 
     ground: SiteModel
     separation: SeparationWatch = field(default_factory=SeparationWatch)
     places_m: dict[str, list[tuple[float, float, float, float]]] = field(default_factory=dict)
-    """East, north, up and the speed over ground."""
+    """East, north, up and ground speed."""
 
     def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
-        """Keep where they are now; who has crashed falls where it falls."""
+        """Record present positions; a crashed vehicle falls where it is."""
         up: dict[str, tuple[float, float, float]] = {}
         for name, vehicle in vehicles.items():
             frame, pad = vehicle.autopilot.frame, self.ground.setup.pad_of(name)
@@ -139,11 +139,11 @@ class _Watched:
 
 
 def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFlight:
-    """Make up a flight, fly it, and hold it against the truth; the same case gives the same figures.
+    """Generate a flight, fly it, and check it against the truth; the same case gives the same figures.
 
     Args:
-        case: Which one.
-        uses_pct: What the dearest route uses of a battery: batteries are as large as that makes them.
+        case: The case.
+        uses_pct: Share of a battery that the most expensive route uses; it sets the size of the batteries.
     """
     rng = np.random.default_rng([case.seed, 29, case.number])
     count = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
@@ -173,7 +173,7 @@ def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFli
 def drawn_faults(
     names: Sequence[str], kinds: Sequence[str], rng: np.random.Generator, between_pct: tuple[int, int] = (10, 95)
 ) -> tuple[str, ...]:
-    """Draw what befalls one vehicle, and sometimes another one but never all, as ``--fault`` takes it."""
+    """Draw faults of one vehicle, sometimes of another too, but never of all, as for ``--fault``."""
     count = 2 if rng.random() < SECOND else 1
     found = []
     for name in rng.choice(names, size=min(count, len(names) - 1), replace=False):
@@ -184,14 +184,14 @@ def drawn_faults(
 
 
 def kind_of(fault: str) -> str:
-    """Return the kind of a fault as ``--fault`` takes it."""
+    """Return the kind of a fault given as for ``--fault``."""
     return re.split("[:=@]", fault)[1]
 
 
 def _plan_site(
     case: FlightCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int, uses_pct: float
 ) -> tuple[SiteModel, PlanFile, float]:
-    """Return a site, a plan at the asked distance, and how long its longest route is with everybody in its layer."""
+    """Return a site, a plan at the requested distance, and its longest route's time with every vehicle in its layer."""
     ground = build_virtual_site(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=AMPLE_AH, same_distance=True
     )
@@ -206,7 +206,7 @@ def _plan_site(
 
 
 def _judge_flight(empty: DistanceFlight, flight: VirtualFlight, watched: _Watched) -> DistanceFlight:
-    """Hold a flight against the simulator's places."""
+    """Check a flight against the simulator's positions."""
     asked_m, rows = watched.ground.setup.inspection.height_m, flight.report.inspections
     off = []
     for row in rows:

@@ -1,4 +1,4 @@
-"""What `faultline bench distance` shows: on a terminal, as JSON, and as a page of the results."""
+"""Output of `faultline bench distance`: on a terminal, as JSON, and as a page of the results."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _summarize_flights(content: Mapping[str, Any]) -> str:
 
 
 def _describe_duration(calm: Mapping[str, Any]) -> str:
-    """Return how much longer than planned flights last in which nothing befalls anybody, as parts are flown again."""
+    """Return how much longer than planned flights without faults last, as parts are flown again."""
     if not calm["flights"]:
         return ""
     longer = figure(calm["lasted_longer_pct"])
@@ -76,7 +76,7 @@ def _describe_duration(calm: Mapping[str, Any]) -> str:
 
 
 def _list_failures(content: Mapping[str, Any]) -> list[str]:
-    """Return what went wrong, line by line."""
+    """Return the failures, line by line."""
     return [*content["too_near"], *content["off"], *(f"not flown: {line}" for line in content["not_flown"])]
 
 

@@ -1,9 +1,9 @@
-"""Small days of sorties exactly: the last landing as early as can be, then the least flight, with its proof.
+"""Small days of sorties solved exactly: minimise the last landing, then flight time, with a proof.
 
-An *option* is all that one vehicle does: a set of segments, when its last sortie lands, its time in the air, the packs
-that it takes from each base. No option is kept that another of the same set beats in all of that. The best plan is a
-choice of one option for each vehicle that shares the segments among them and leaves no base without a pack: HiGHS
-chooses. Nobody waits for a pack: they are not charged by day, and take-offs need no distance.
+An *option* is the whole day of one vehicle: a set of segments, the landing time of its last sortie, its time in the
+air, the packs that it takes from each base. An option that another of the same set beats in all of these is dropped.
+The best plan chooses one option per vehicle so that the segments are shared out and no base lacks a pack: HiGHS
+chooses. There is no waiting for packs: they are not charged by day, and take-offs need no distance.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from planner.model import Plan, Route
 from planner.sorties.sortie_model import TOLERANCE, SortieInstance
 
 MOST_SEGMENTS = 10
-"""Wanted segments up to which an instance is taken."""
+"""Maximum number of wanted segments."""
 MOST_OPTIONS = 200_000
 
 
@@ -36,16 +36,16 @@ class _UntimedSortie:
 @dataclass(frozen=True, slots=True)
 class _Option:
     lands_s: float
-    """When the last sortie lands."""
+    """Landing time of the last sortie."""
     flight_s: float
     base: int
-    """Where it lands."""
+    """Landing base."""
     packs: tuple[int, ...]
-    """Taken from each base that has not always enough."""
+    """Packs taken from each base with a limited supply."""
     sorties: tuple[Route, ...]
 
     def is_dominating(self, other: _Option) -> bool:
-        """Return whether nothing speaks for the other, whatever comes after."""
+        """Return whether this option is at least as good in all respects, whatever follows."""
         return (
             self.lands_s <= other.lands_s and self.flight_s <= other.flight_s
             and all(mine <= its for mine, its in zip(self.packs, other.packs, strict=True))
@@ -53,19 +53,19 @@ class _Option:
 
 
 _Flights = dict[tuple[int, int, int], _UntimedSortie]
-"""The shortest within the budget by base, set of segments as bits, and base where it lands."""
+"""Shortest sorties within the budget by base, set of segments as bits, and landing base."""
 
 
 _UnderWay = dict[tuple[int, int], list[_UntimedSortie]]
-"""Flights that have not landed, by set of segments and last visit."""
+"""Flights in the air, by set of segments and last visit."""
 
 
 def solve_sorties_exact(instance: SortieInstance) -> Plan | None:
-    """Return the best plan that inspects everything, or None where there is none: both are certain.
+    """Return the best plan that inspects everything, or None if there is none: both are proven.
 
     Raises:
-        InstanceError: more segments or options than can be looked through, packs that are charged by day or are
-            wanted on several days, or take-offs with a distance.
+        InstanceError: too many segments or options to enumerate, packs that are charged by day or are wanted on
+            several days, or take-offs with a distance.
     """
     wanted = [int(segment) for segment in np.flatnonzero(instance.wanted)]
     if len(wanted) > MOST_SEGMENTS:
@@ -114,7 +114,7 @@ def _add_landings(
 
 
 def _extend_sorties(instance: SortieInstance, vehicle: int, wanted: Sequence[int], under_way: _UnderWay) -> _UnderWay:
-    """Return flights with one visit more; beside the shortest those that use less are kept."""
+    """Return flights with one more visit; besides the shortest, those that use less are kept."""
     own, longer = instance.vehicles[vehicle], dict[tuple[int, int], list[_UntimedSortie]]()
     for (done, last), flights in under_way.items():
         onward = [
@@ -141,7 +141,7 @@ def _keep(kept: list[_UntimedSortie], new: _UntimedSortie) -> None:
 def _list_options(
     instance: SortieInstance, vehicle: int, wanted: Sequence[int], limited: Sequence[int]
 ) -> list[tuple[int, _Option]]:
-    """Return what a vehicle may do, by set of segments; the first is nothing at all."""
+    """Return a vehicle's options, by set of segments; the first is to do nothing."""
     own, flights = instance.vehicles[vehicle], _find_shortest_sorties(instance, vehicle, wanted)
     by_set: dict[int, list[_Option]] = {0: [_Option(0.0, 0.0, own.base, (0,) * len(limited), ())]}
     for done in range(1, 1 << len(wanted)):
@@ -206,7 +206,7 @@ def _choose_options(
 def _solve_program(
     columns: int, rows: Sequence[tuple[dict[int, float], float, float]], cost: dict[int, float]
 ) -> list[float] | None:
-    """Return what HiGHS chooses: whether each column is taken, and the last landing."""
+    """Return the choice of HiGHS: whether each column is taken, and the last landing."""
     import highspy
 
     solver = highs.build_program(

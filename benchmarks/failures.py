@@ -1,4 +1,4 @@
-"""`faultline bench failures`: public scenarios of vehicles lost one after another, beside the published figures."""
+"""`faultline bench failures`: public scenarios of successive vehicle losses, against the published figures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from planner.sorties import SortieInstance, solve_sorties
 
 FOLDER = "failures"
 LONG_ENOUGH = 100_000
-"""Iterations without a better plan after which a re-plan is not searched any longer."""
+"""Iterations without a better plan after which a re-plan's search ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +28,13 @@ class SolvedScenario:
 
     scenario: Scenario
     value_s: float
-    """The end of the last trip that counts."""
+    """End of the last trip that counts."""
     replan_s: tuple[float, ...]
-    """From each loss to the plan after it."""
+    """Time from each loss to the plan after it."""
     left: int
     """Required edges on no trip that counts."""
     least_s: float | None
-    """What no answer's value can fall below, if it was asked for."""
+    """Lower bound of any answer's value, if requested."""
     wrong: tuple[str, ...]
     solution: Json
 
@@ -60,13 +60,13 @@ def stop_after(seconds: float) -> StopRule:
 
 
 def solve_scenario(scenario: Scenario, stop: StopRule, seed: int, prove_s: float | None = None) -> SolvedScenario:
-    """Fly a scenario's day on paper: at each loss a new plan, from what is known then.
+    """Evaluate a scenario's day: at each loss a new plan, from the information at that time.
 
     Args:
         scenario: the day and its losses.
         stop: when the search of a re-plan ends.
         seed: of the searches.
-        prove_s: seconds to prove afterwards what no answer can fall below; None for no proof.
+        prove_s: seconds for proving a lower bound afterwards; None for no proof.
     """
     starts = cores()
     warm_up_sorties(starts)
@@ -120,7 +120,7 @@ def solve_all(
 
 
 def families(rows: list[Json]) -> list[Json]:
-    """Return the figures of each family: a name's part before the point."""
+    """Return the figures of each family: the part of a name before the point."""
     names = dict.fromkeys(row["name"].partition(".")[0] for row in rows)
     return [_family(name, [row for row in rows if row["name"].partition(".")[0] == name]) for name in names]
 

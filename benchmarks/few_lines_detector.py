@@ -1,6 +1,6 @@
-"""The detector that anybody writes first: a percentage below a threshold, a heartbeat older than five seconds.
+"""The obvious simple detector: a percentage below a threshold, a heartbeat older than five seconds.
 
-It is measured beside the watchpoints, on the same messages, so that the difference is seen.
+It is measured next to the watchpoints, on the same messages, to show the difference.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ HEARTBEAT_S = 5.0
 
 @dataclass(slots=True)
 class FewLines:
-    """Of one vehicle."""
+    """Simple detector for one vehicle."""
 
     percent: float = PERCENT
     heartbeat_s: float | None = None
@@ -24,14 +24,14 @@ class FewLines:
     remaining_pct: float | None = None
 
     def take(self, message: FlightMessage, now_s: float) -> None:
-        """Take a message."""
+        """Handle a message."""
         if isinstance(message, Heartbeat):
             self.heartbeat_s, self.armed = now_s, message.armed
         elif isinstance(message, Battery) and message.remaining_pct is not None:
             self.remaining_pct = message.remaining_pct
 
     def find_fault(self, now_s: float) -> FaultKind | None:
-        """Return what it takes to be wrong now."""
+        """Return the fault it detects now."""
         if not self.armed:
             return None
         if self.heartbeat_s is not None and now_s - self.heartbeat_s > HEARTBEAT_S:

@@ -1,8 +1,7 @@
-"""What a fleet costs the ground station: one flight for each number of vehicles, the executor held to one processor.
+"""Cost of a fleet for the ground station: one flight per number of vehicles, the executor held to one processor.
 
-Each flight runs the whole executor as `faultline fly` does, in a process of its own that may use one processor; the
-simulated vehicles have the others. What is measured is the work of listening, deciding and recording; with a fault,
-that of re-planning for a fleet, too.
+Each flight runs the whole executor as `faultline fly` does, in its own process on one processor; the simulated vehicles
+have the others. The measurement covers receiving, deciding and recording; with a fault also re-planning for a fleet.
 """
 
 from __future__ import annotations
@@ -47,23 +46,23 @@ from executor.site.site_planning import DEFAULT, plan_site
 COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0
 WATCH_S = 0.005
-"""Pause of the watch on the event loop: what it is late beyond that, the loop was blocked."""
+"""Sleep of the loop's monitor: any lateness beyond it is time for which the loop was blocked."""
 ENDS_S = 10.0
-"""Real seconds that a browser may take to say what it saw, once the page has ended."""
+"""Real seconds in which a browser must report after the page has ended."""
 LOOKS = 12
-"""How often memory is looked at, spread over a flight."""
+"""Number of memory samples, spread over a flight."""
 
 
 @dataclass(frozen=True, slots=True)
 class Burden:
-    """What a flight has to bear beside its own."""
+    """Additional load of a flight."""
 
     faults: tuple[str, ...] = ()
-    """As `faultline simulate` has them."""
+    """As for `faultline simulate`."""
     garbage: float = 0.0
-    """Datagrams that no vehicle sent, for each frame of the fleet's telemetry."""
+    """Foreign datagrams for each frame of the fleet's telemetry."""
     browsers: int = 0
-    """How many follow the page."""
+    """Number of browsers that follow the page."""
 
 
 NOTHING = Burden()
@@ -71,42 +70,42 @@ NOTHING = Burden()
 
 @dataclass(frozen=True, slots=True)
 class FleetFlight:
-    """One flight, measured from the take-off to the moment when supervision ends."""
+    """One flight, measured from the take-off to the end of supervision."""
 
     vehicles: int
     minutes: float
-    """Of the flight's time."""
+    """Flight time."""
     speedup: float
     frames: int
     """Received from all vehicles."""
     missing: int
-    """Frames that the sequence numbers say were sent and never arrived."""
+    """Frames sent according to the sequence numbers that never arrived."""
     events: int
     """In the event log."""
     faults: int
-    """Declared."""
+    """Declared faults."""
     replans: int
     cpu_s: float
     """Processor time of the executor's process."""
     codec_s: float
     """Processor time of pymavlink alone for decoding the same frames, in the same process."""
     blocked_ms: tuple[float, float, float]
-    """How late the watch woke: 99 %, 99.99 % and the longest."""
+    """Lateness of the monitor: 99 %, 99.99 % and maximum."""
     memory_mib: tuple[float, ...]
     """Resident memory, evenly spread over the flight."""
     garbage: int = 0
-    """Datagrams that no vehicle sent, to the vehicles' ports."""
+    """Foreign datagrams sent to the vehicles' ports."""
     shown_s: float | None = None
-    """How old a state grew at most in a browser before the next one, in real seconds; None if nobody looked."""
+    """Maximum age of a state in a browser before the next one, in real seconds; None without browsers."""
 
     @property
     def cpu_ms(self) -> float:
-        """Processor time for a vehicle and second of flight, in milliseconds."""
+        """Processor time per vehicle and second of flight, in milliseconds."""
         return 1e3 * self.cpu_s / (60.0 * self.minutes * self.vehicles)
 
     @property
     def growth_mib(self) -> float:
-        """How much memory grew from the end of the first quarter to the end."""
+        """Growth of memory from the end of the first quarter to the end."""
         return self.memory_mib[-1] - self.memory_mib[len(self.memory_mib) // 4]
 
 
@@ -115,7 +114,7 @@ def measure_fleet(
 ) -> list[FleetFlight]:
     """Fly once for each number of vehicles.
 
-    A flight that could not begin is said and left out.
+    A flight that could not begin is reported and left out.
 
     Raises:
         BenchError: none could.
@@ -123,7 +122,7 @@ def measure_fleet(
     flights = []
     for count in counts:
         print(f"{count} vehicles, {minutes:g} minutes at {speedup:g} times real time", file=sys.stderr, flush=True)
-        # A process for each flight: what one leaves behind must not be in the next one's figures.
+        # One process per flight, so that leftovers of one do not affect the next one's figures.
         with start_worker_pool(1) as pool:
             try:
                 flights.append(pool.submit(fly_one, count, minutes, speedup, seed, burden).result())
@@ -135,7 +134,7 @@ def measure_fleet(
 
 
 def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING) -> FleetFlight:
-    """Fly one fleet; this runs in a process of its own."""
+    """Fly one fleet; this runs in its own process."""
     with tempfile.TemporaryDirectory(prefix="faultline-fleet-") as folder:
         base, run = Path(folder), Path(folder) / "run"
         run.mkdir()
@@ -147,10 +146,10 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         write_run_start(order)
         ours, others = _processors()
         watch = _Watch(minutes * 60.0 / speedup, ours)
-        # The simulation and the planner's process begin here, and stay off the executor's processor.
+        # The simulation and the planner's process start here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
         with run_simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
-            # What is measured is how late things are, so the loop has the computer's time, whatever the speed.
+            # Lateness is measured, so the loop follows the computer's time, at any speed.
             flown = clock.run_on_fair_loop(
                 _fly_watched(order, watch), lambda: asyncio.SelectorEventLoop(clock.FairSelector())
             )
@@ -178,7 +177,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
 
 @contextmanager
 def _borne(site: Site, burden: Burden, flood: Flood, seed: int) -> Iterator[list[Connection]]:
-    """Have a flood ready, and browsers open; yields where they tell what they saw."""
+    """Prepare a flood, and open browsers; yields their report connections."""
     with ExitStack() as stack:
         if burden.garbage > 0:
             a_second = burden.garbage * FRAMES_S * site.flight.speedup * len(site.vehicle)
@@ -201,7 +200,7 @@ async def _fly_watched(order: FlightRequest, watch: _Watch) -> FlightReport:
 
 
 class _Watch(SilentConsole):
-    """An operator who says yes, looks at the clock, and leaves when the time is over."""
+    """An operator that confirms everything, watches the clock, and leaves when the time is over."""
 
     def __init__(self, lasts_real_s: float, processor: set[int]) -> None:
         self._lasts_s = lasts_real_s
@@ -214,12 +213,12 @@ class _Watch(SilentConsole):
         self.taken_s = 0.0
         self.cpu_s = 0.0
         self.flood = Flood()
-        """It begins with the flight."""
+        """Begins with the flight."""
         self.garbage = 0
         self.memory_mib: list[float] = []
 
     def find_blocked_ms(self) -> tuple[float, float, float]:
-        """Return how late the watch woke: 99 %, 99.99 % and the longest."""
+        """Return the monitor's lateness: 99 %, 99.99 % and maximum."""
         late = sorted(self._late_ms)
         return late[int(0.99 * len(late))], late[int(0.9999 * len(late))], late[-1]
 
@@ -227,7 +226,7 @@ class _Watch(SilentConsole):
         while True:
             asked_s = time.perf_counter()
             await asyncio.sleep(WATCH_S)
-            # What the loop was blocked for before the operator's yes is no part of the flight.
+            # Blocking before the operator's confirmation is not part of the flight.
             if self._began_s is not None and asked_s >= self._began_s and not self._ended:
                 now_s = time.perf_counter()
                 self._late_ms.append(1e3 * (now_s - asked_s - WATCH_S))
@@ -241,7 +240,7 @@ class _Watch(SilentConsole):
             os.kill(os.getpid(), signal.SIGINT)
 
     async def ask(self, question: str) -> bool:
-        """Say yes; what is measured begins with the last question."""
+        """Confirm; measurement begins with the last question."""
         return self.confirm(question) if "Take off" in question else True
 
     def confirm(self, question: str) -> bool:  # noqa: ARG002 - the console's signature
@@ -273,7 +272,7 @@ def _resident_mib() -> float:
 
 
 def _read_launch(log: Path) -> tuple[LogHeader, float, int]:
-    """Return how a log begins, when its flight was launched, and the events since."""
+    """Return the log's header, the launch time, and the number of events since."""
     launched_s, events = 0.0, 0
     with log.open("rb") as file:
         for line in file:
@@ -324,7 +323,7 @@ def fleet_report(flights: Sequence[FleetFlight], content: dict[str, object]) -> 
 def make_fleet(
     counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
 ) -> tuple[dict[str, object], str]:
-    """Measure, and write fleet.md and fleet.json, with a picture of several, where wanted; returns their content."""
+    """Measure, and write fleet.md and fleet.json, with a picture of several, if requested; returns their content."""
     flights = measure_fleet(counts, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
     rows = [asdict(one) | {"cpu_ms": one.cpu_ms, "growth_mib": one.growth_mib} for one in flights]
     content: dict[str, object] = {

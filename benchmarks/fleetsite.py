@@ -1,4 +1,4 @@
-"""A power line and a site for a fleet of any size that is to fly for a given time."""
+"""A power line and a site for a fleet of any size with a given flight time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from benchmarks.synthetic import generate_network
 from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_vehicle_tables, find_free_ports
 
 SPEED_M_S = 3.0
-"""Along the line; the default of a site."""
+"""Speed along the line; the default of a site."""
 SPAN_M = 275.0
 """Mean length of a generated span."""
 SPARE = 1.5
-"""So much longer than wanted would the routes take: nobody should be home early."""
+"""Factor by which routes exceed the flight time, so that no vehicle returns early."""
 CAPACITY_AH = 1e4
-"""Of a battery that lasts however long the flight is."""
+"""Battery that lasts for any flight."""
 DEPOT = {"lat_deg": 49.6, "lon_deg": 15.6, "alt_m": 400.0}
 
 
 def write_network(path: Path, vehicles: int, minutes: float, seed: int) -> None:
-    """Write a generated network that keeps a fleet busy for so long, as a graph file."""
+    """Write a generated network that keeps a fleet busy for this time, as a graph file."""
     route_s = SPARE * 60.0 * minutes
     segments = max(2 * vehicles, math.ceil(vehicles * route_s * SPEED_M_S / SPAN_M))
     ends_m = np.round(generate_network(segments, seed), 2)
@@ -40,13 +40,13 @@ def write_network(path: Path, vehicles: int, minutes: float, seed: int) -> None:
 
 
 def _free_page_port() -> int:
-    """Return a TCP port of this computer that nobody uses."""
+    """Return an unused TCP port of this computer."""
     with socket.create_server(("127.0.0.1", 0)) as one:
         return int(one.getsockname()[1])
 
 
 def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
-    """Return the content of a site file whose vehicles answer on free ports of this computer, and its page."""
+    """Return the content of a site file with vehicles on free ports of this computer, and its page."""
     return {
         "depot": DEPOT,
         "network": {"file": network},

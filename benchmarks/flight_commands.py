@@ -294,14 +294,14 @@ def radio(
 
 
 def _select_autopilots(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
-    """Return the autopilots that are meant, and the option that asks for them."""
+    """Return the selected autopilots, and the option that selects them."""
     if autopilot is None:
         return [one.value for one in AutopilotName], []
     return [autopilot.value], ["--autopilot", autopilot.value]
 
 
 def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: str = "flights") -> list[F]:
-    """Fly all cases, and show how far that is; the answers do not depend on the number of processes."""
+    """Fly all cases, and show progress; the results do not depend on the number of processes."""
     from benchmarks.machine import cores
     from benchmarks.parallel_flights import map_in_processes
     from benchmarks.progress import ShownProgress
@@ -313,10 +313,10 @@ def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: s
 def finish_command(
     content: Json, report: Callable[[Json], Report], out: Path | None, *, as_json: bool, failed: bool
 ) -> None:
-    """Keep and show what was measured, and end.
+    """Keep and show the measurement, and exit.
 
     Raises:
-        typer.Exit: always; with 1 if it is not as it should be.
+        typer.Exit: always; with 1 if it failed.
     """
     if out is not None:
         report(content).keep(out)

@@ -1,8 +1,8 @@
-"""Flights as a ground station hears them, without sockets: hundreds in minutes.
+"""Flights as a ground station receives them, without sockets: hundreds in minutes.
 
-The pack is the simulator's own. The way is that of a planned mission, flown leg by leg in the time that it should take;
-wind and gusts change the air speed, and with it what is used. What is said of it is noisy, rounded, estimated anew, and
-partly lost on the way. Everything follows from one random generator.
+The pack is the simulator's own. The path is that of a planned mission, flown leg by leg in its estimated time; wind and
+gusts change the air speed, and so the consumption. Reports are noisy, rounded, re-estimated, and partly lost.
+Everything derives from one random generator.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from simulator.battery import Battery as Pack
 
 ARDUPILOT, PX4, QUADROTOR, ACTIVE = 3, 12, 2, 4
 GROUND_S = 5.0
-"""Armed on the pad before it climbs."""
+"""Time armed on the pad before it climbs."""
 HOME_M_S, DOWN_M_S = 8.0, 1.5
-"""How fast it comes home, and down."""
+"""Return speed, and descent speed."""
 CAPACITY_AH = 2.2
-"""Small enough that a mission takes most of what the budget allows."""
+"""Small enough for a mission to use most of the budget."""
 VEHICLES, RADIUS_M = 3, 500.0
 BLACKOUT_S = 6.0
-"""The longest gap of a lossy link that is no fault."""
+"""Longest gap of a lossy link that is no fault."""
 APART_S = 15.0
-"""Two of them nearer than this would be one silence."""
+"""Minimum time between two gaps; closer ones would merge into one silence."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelledSite:
-    """Missions to fly, and the context of the decisions."""
+    """Missions to fly, and the context of decisions."""
 
     context: Context
     boards: tuple[OnboardMission, ...]
@@ -47,7 +47,7 @@ class ModelledSite:
 
 
 def model_site(autopilot: str) -> ModelledSite:
-    """Return three missions over the network that comes with faultline."""
+    """Return three missions over the network included in faultline."""
     content = {
         "network": {"file": "default", "radius_m": RADIUS_M},
         "energy": {"drone": "mavic3", "capacity_ah": CAPACITY_AH},
@@ -68,7 +68,7 @@ def model_site(autopilot: str) -> ModelledSite:
 
 @dataclass(frozen=True, slots=True)
 class Injected:
-    """What goes wrong."""
+    """An injected fault."""
 
     what: str
     """healthy, step, drain, cell or silent."""
@@ -80,24 +80,24 @@ class Injected:
 
 @dataclass(slots=True)
 class ModelledFlight:
-    """What was said, and what was true."""
+    """Reported and true data of one flight."""
 
     vehicle: int
     autopilot: str
     injected: Injected
     heard: list[tuple[float, FlightMessage]] = field(default_factory=list)
     remaining_pct: list[float] = field(default_factory=list)
-    """Each second."""
+    """True charge each second."""
     home_pct: list[float] = field(default_factory=list)
-    """What the way home would have taken then."""
+    """Charge that RTL would have used at that second."""
     rate_pct_s: list[float] = field(default_factory=list)
     lasted_s: float = 0.0
     reported_pct: float = 100.0
-    """The last that it said of itself."""
+    """Last reported percentage."""
 
 
 def draw_fault(what: str, rng: np.random.Generator, mission_s: float) -> Injected:
-    """Return one fault of a kind, anywhere in the middle of a mission."""
+    """Return one fault of a kind, at a random time in the middle of a mission."""
     at_s = float(rng.uniform(0.1, 0.85)) * mission_s
     match what:
         case "step":
@@ -123,7 +123,7 @@ class _Weather:
         self._sd = rng.uniform(0.3, 1.5)
 
     def air_speed_m_s(self, east_m_s: float, north_m_s: float) -> float:
-        """Return the speed through the air, a second later."""
+        """Return the air speed, a second later."""
         keep = math.exp(-1.0 / 8.0)
         self._gust = keep * self._gust + math.sqrt(1 - keep**2) * self._sd * self._rng.normal(size=2)
         air = np.array([east_m_s, north_m_s]) - self._mean - self._gust
@@ -131,7 +131,7 @@ class _Weather:
 
 
 class _Gauge:
-    """What an autopilot makes of its pack."""
+    """An autopilot's estimate of its pack."""
 
     def __init__(self, rng: np.random.Generator, autopilot: str, pack: Pack) -> None:
         self._rng, self._pack, self._counts = rng, pack, autopilot == "ardupilot"
@@ -143,7 +143,7 @@ class _Gauge:
         self._count = 3 if self._counts else 4
 
     def advance_second(self, used_pct: float) -> None:
-        """Let a second pass."""
+        """Advance one second."""
         self._used_pct += used_pct * self._scale
         keep = math.exp(-1.0 / 30.0)
         self._waver = keep * self._waver + math.sqrt(1 - keep**2) * 0.6 * self._rng.normal()
@@ -236,7 +236,7 @@ Moment = tuple[float, int, tuple[float, float], float, tuple[float, float, float
 
 
 def _seconds(board: OnboardMission) -> list[Moment]:
-    """Return (t_s, waypoint, place, height, velocity) for each second of a mission."""
+    """Yield (t_s, waypoint, place, height, velocity) for each second of a mission."""
     found: list[Moment] = []
     at_m, height_m = board.places_m[0], 0.0
     t_s, left_s = GROUND_S, 0.0

@@ -1,6 +1,6 @@
-"""A flood that no vehicle sent, for the ports where vehicles are heard: noise, damaged frames, frames of strangers.
+"""A flood of foreign datagrams for the vehicles' ports: noise, damaged frames, frames of strangers.
 
-It comes from a process and a socket of its own.
+It comes from its own process and socket.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from multiprocessing.synchronize import Event
 from executor.adapters.mavlink.codec import MavlinkCodec
 
 FRAMES_S = 14.0
-"""Frames that a simulated ArduPilot vehicle sends in a second of flight, with all streams that are asked for."""
+"""Frames that a simulated ArduPilot vehicle sends per second of flight, with all requested streams."""
 STEP_S = 0.005
-"""Real seconds between two bursts: the flood is spread as evenly as a sleeping process can."""
+"""Real seconds between two bursts: as even as a sleeping process can send."""
 BEHIND_S = 0.25
-"""What was not sent for so long, as the computer was busy, is not made up for."""
+"""Delay on a busy computer beyond which missing datagrams are not caught up."""
 STRANGER = 250
-"""Its system number; a vehicle of a measured fleet has none above 200."""
+"""The stranger's system id; a vehicle of a measured fleet has none above 200."""
 VARIETY = 300
 """Different datagrams of each kind."""
 SAID: tuple[tuple[str, Mapping[str, object]], ...] = (
@@ -34,13 +34,13 @@ SAID: tuple[tuple[str, Mapping[str, object]], ...] = (
                              "time_boot_ms": 4711, "lat": 496_000_000, "lon": 156_000_000}),
     ("STATUSTEXT", {"severity": 6, "text": "nobody that you know", "id": 0, "chunk_seq": 0}),
 )  # fmt: skip
-"""What a stranger says."""
+"""Messages of a stranger."""
 LONGEST = 263
-"""Bytes of random noise at most: as a frame of MAVLink 2 without a signature is."""
+"""Maximum bytes of random noise: the longest MAVLink 2 frame without a signature."""
 
 
 def datagrams(seed: int) -> list[bytes]:
-    """Return a third each of random bytes, frames with one byte changed, and whole frames of a stranger, mixed."""
+    """Return a third each of random bytes, frames with one byte changed, and complete frames of a stranger, mixed."""
     chance, codec = random.Random(seed), MavlinkCodec()
     found = []
     for number in range(VARIETY):
@@ -55,10 +55,10 @@ def datagrams(seed: int) -> list[bytes]:
 
 
 class Flood:
-    """A flood that can be let loose."""
+    """A flood that can be started."""
 
     def __init__(self) -> None:
-        """Hold it back."""
+        """Create it stopped."""
         here = multiprocessing.get_context("spawn")
         self._sent: Synchronized[int] = here.Value("q", 0)
         self._begun, self._over = here.Event(), here.Event()
@@ -66,7 +66,7 @@ class Flood:
 
     @contextlib.contextmanager
     def ready(self, ports: Sequence[int], a_second: float, seed: int) -> Iterator[None]:
-        """Be ready to send so many datagrams in a real second, in turn to these ports of this computer."""
+        """Prepare to send ``a_second`` datagrams per real second, in turn to these ports of this computer."""
         arguments = (tuple(ports), a_second, seed, self._sent, self._begun, self._over)
         process = self._context.Process(target=_send, args=arguments, daemon=True)
         process.start()
@@ -78,11 +78,11 @@ class Flood:
             process.join()
 
     def begin(self) -> None:
-        """Let it loose."""
+        """Start it."""
         self._begun.set()
 
     def count_sent(self) -> int:
-        """Return how many datagrams have gone."""
+        """Return the number of datagrams sent."""
         return self._sent.value
 
 
@@ -98,7 +98,7 @@ def _send(
             due += min(BEHIND_S, now_s - last_s) * a_second
             last_s = now_s
             while count < due:
-                # Another kind with each round over the ports, or a port would always be sent the same ones.
+                # Another kind in each round over the ports, or a port would always get the same ones.
                 kind = (count + count // len(ports)) % len(kinds)
                 with contextlib.suppress(OSError):
                     plug.sendto(kinds[kind], ("127.0.0.1", ports[count % len(ports)]))

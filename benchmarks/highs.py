@@ -1,4 +1,4 @@
-"""Programs for HiGHS: linear ones, and those in whole numbers, each solved by one thread to the proven optimum."""
+"""Programs for HiGHS: linear and integer ones, each solved by one thread to the proven optimum."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import highspy
 
 Matrix = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
-"""Where each column's entries begin, the rows that they are in, and what they are."""
+"""Sparse matrix by columns: start of each column's entries, their rows, and their values."""
 
 
 def build_program(
@@ -23,16 +23,16 @@ def build_program(
     *,
     whole: Sequence[bool] = (),
 ) -> highspy.Highs:
-    """Return HiGHS with a program that it is to solve.
+    """Return HiGHS with a program to solve.
 
     Args:
-        cost: Of each column.
-        most: Of each column, which is 0 at least.
-        limits: What each row is at least, and at most.
-        matrix: Of the columns, one after the other.
-        whole: Which columns are whole numbers; none if not given.
+        cost: Cost of each column.
+        most: Upper bound of each column; the lower bound is 0.
+        limits: Lower and upper bound of each row.
+        matrix: Matrix by columns.
+        whole: Which columns are integers; none if not given.
     """
-    # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
+    # Imported here: loading takes a tenth of a second, and few callers need a proof.
     import highspy
 
     solver = highspy.Highs()  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""What no answer to a failure scenario can fall below, not even one that knew all losses at the first one."""
+"""Lower bound of any answer to a failure scenario, even one that knows all losses at the first one."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from benchmarks.scenarios import build_day_left_with_foresight, least_last_end_s
 from planner import InstanceError
 
 SAME = 1e-6
-"""Values nearer to each other than this are the same: sums depend on their order."""
+"""Values closer to each other than this are equal: sums depend on their order."""
 
 
 def least_value(scenario: Scenario, limit_s: float) -> float:
-    """Return a bound of the last trip's end: the routes until the first loss are given, all losses are known at it.
+    """Return a bound of the last trip's end: routes until the first loss are given, all losses are known at it.
 
-    It is as good as ``limit_s`` seconds of proof allow; of a day with too many trips it is only what is under way.
+    Its quality depends on ``limit_s`` seconds of proof; for a day with too many trips it covers only trips under way.
     """
     day = day_of(scenario)
     first = initial_timelines(scenario, day)

@@ -1,4 +1,4 @@
-"""What the figures were made on and with."""
+"""Hardware and software of the measurement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def cores() -> int:
 
 
 def machine() -> dict[str, object]:
-    """Return processor, cores, versions, and the commit if this is a working copy of one."""
+    """Return processor, cores, versions, and the commit if this is a working copy."""
     return {
         "processor": _processor(),
         "cores": cores(),
@@ -30,7 +30,7 @@ def machine() -> dict[str, object]:
 
 
 def head(kind: str, command: str) -> dict[str, object]:
-    """Return what the JSON of a measurement begins with; the kind has its version, as `window/2`."""
+    """Return the head of a measurement's JSON; the kind includes its version, as `window/2`."""
     return {"format": f"faultline-bench-{kind}", "machine": machine(), "command": command}
 
 
@@ -57,7 +57,7 @@ def _version(package: str) -> str | None:
 
 
 def _commit() -> str:
-    """Return the commit, and whether the program differs from it; results beside it may."""
+    """Return the commit, and whether the program differs from it; changed results do not count."""
     code = ["planner", "missions", "executor"]
     commit = _git("rev-parse", "--short", "HEAD")
     return "unknown" if commit is None else commit + (" with changes" if _git("status", "-s", "--", *code) else "")

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 
 MISSING = "-"
 Rows = list[tuple[str, ...]]
-"""Of a table, cell by cell."""
+"""Rows of a table, cell by cell."""
 
 
 def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table whose columns are aligned to the right, but the first."""
+    """Return a table with all columns but the first right-aligned."""
     lines = ["| " + " | ".join(columns) + " |", "| --- |" + " ---: |" * (len(columns) - 1)]
     lines += ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
     return "\n".join(lines)
@@ -22,7 +22,7 @@ def markdown_page(title: str, *parts: str) -> str:
 
 
 def figure(value: float | None, digits: int = 1) -> str:
-    """Return a figure with so many digits behind the point, or a dash where there is none."""
+    """Return a figure with this number of decimals, or a dash for None."""
     if value is None:
         return MISSING
     text = f"{value:.{digits}f}"
@@ -30,7 +30,7 @@ def figure(value: float | None, digits: int = 1) -> str:
 
 
 def percent_over(value: float | None, reference: float | None, digits: int = 2) -> str:
-    """Return how much more than a reference a value is, with its sign."""
+    """Return the signed excess of a value over a reference, in percent."""
     if value is None or reference is None or reference == 0:
         return MISSING
     return f"{100.0 * (value / reference - 1.0):+.{digits}f} %"

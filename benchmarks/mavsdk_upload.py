@@ -1,4 +1,4 @@
-"""MAVSDK's own upload of a mission, to measure against: no flight uses it."""
+"""MAVSDK's own mission upload, for comparison: no flight uses it."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class MavsdkUploader:
         self._thread = thread
 
     async def upload(self, items: Sequence[MissionItem]) -> str:
-        """Upload a mission; returns why it failed, empty when it was accepted.
+        """Upload a mission; returns the failure reason, empty if it was accepted.
 
-        MAVSDK wants exactly one item flagged as current: the first is.
+        MAVSDK requires exactly one item flagged as current: the first is.
         """
         from mavsdk.plugins.mission_raw import MissionItem as RawItem
         from mavsdk.plugins.mission_raw import MissionRawError

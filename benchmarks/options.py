@@ -1,4 +1,4 @@
-"""Arguments and options that several benchmarks share."""
+"""Arguments and options shared by several benchmarks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 from executor.cli.options import AutopilotName
 
 RESULTS = Path("docs") / "results"
-"""Where what is measured is kept."""
+"""Folder of the results."""
 AutopilotsOption = Annotated[
     AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
 ]
@@ -21,5 +21,5 @@ DataOption = Annotated[
 
 
 def make_output_option(names: str) -> object:
-    """Return the option for the directory of what a command measures, in files of these names."""
+    """Return the option for a command's output directory, with files of these names."""
     return typer.Option("--out", "-o", metavar="DIR", help=f"Write {names} there.")

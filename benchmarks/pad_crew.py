@@ -1,4 +1,4 @@
-"""Who stands by at the bases of a day in virtual time: changes the packs of those who have landed, and says so."""
+"""The crew at the bases of a day in virtual time: swaps the packs of landed vehicles, and confirms it."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
 
 BESIDE_S = 10.0
-"""Until somebody stands beside a vehicle that has landed."""
+"""Time until a crew member reaches a landed vehicle."""
 CONNECTED_S = 5.0
-"""So long after its power went the crew says that another pack is in: it is booting then."""
+"""Time from power-off to the crew's confirmation of another pack: the vehicle is booting then."""
 PackId = str
 Packs = Callable[[str], tuple[PackId, float] | None]
-"""Gives a vehicle's next pack: its id and what it really holds, in percent; None where there is no more."""
+"""Return a vehicle's next pack: its id and true charge in percent; None if there are no more."""
 
 
 class PadCrew:
     """The crew of all bases."""
 
     def __init__(self, vehicles: Mapping[str, SimulatedVehicle], packs: Packs, *, confirms: bool = True) -> None:
-        """Stand by.
+        """Create the crew.
 
         Args:
-            vehicles: Everybody.
-            packs: What is put in.
-            confirms: Whether it says that a pack is changed.
+            vehicles: All vehicles.
+            packs: Packs to install.
+            confirms: Whether it confirms a swap.
         """
         self.asked: list[IntentRecord] = []
-        """What was asked for, with the answer that came at once."""
+        """Requests, with their immediate answers."""
         self._vehicles, self._packs, self._confirms = vehicles, packs, confirms
         self._numbered = itertools.count(1)
         self._rests_s: dict[str, float] = {}
         self._changed: dict[str, tuple[float, PackId]] = {}
 
     def attend(self, flight: Flight, now_s: float) -> None:
-        """Go to everybody who waits on a base, change the pack, and say so while the vehicle boots."""
+        """Go to each vehicle waiting on a base, swap its pack, and confirm while the vehicle boots."""
         for name in self._vehicles:
             self._attend(flight, name, now_s)
 
     def swap(self, flight: Flight, name: str, pack: PackId, *, confirmed: bool = True) -> IntentRecord:
-        """Say that a vehicle's pack is changed."""
+        """Confirm a vehicle's pack swap."""
         intent = Intent(f"swap-{next(self._numbered)}", Action.SWAP, name, "page", confirmed, pack)
         record = flight.submit_intent(intent)
         self.asked.append(record)
@@ -69,7 +69,7 @@ class PadCrew:
                 self._changed[name] = now_s, pack
 
     def _has_more(self, flight: Flight, name: str, now_s: float) -> bool:
-        """Return whether the crew reads of a vehicle that it waits for a pack, or nobody planned a day."""
+        """Return whether a vehicle is shown as waiting for a pack, or no day was planned."""
         context, state = flight.context, flight.state
         return context.day is None or bool(
             turnaround.describe_awaited_sortie(context, state, state.vehicles[name], now_s)

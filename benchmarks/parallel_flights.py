@@ -1,4 +1,4 @@
-"""Many flights in virtual time, side by side in processes."""
+"""Many flights in virtual time, in parallel processes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True)
 class FlightCase:
-    """One flight to be made up and flown."""
+    """One flight to generate and fly."""
 
     number: int
     seed: int
@@ -25,20 +25,20 @@ class FlightCase:
 
 
 def make_flight_cases(flights: int, seed: int, autopilots: Sequence[str]) -> list[FlightCase]:
-    """Return so many flights, the autopilots by turns."""
+    """Return the flights, alternating autopilots."""
     return [FlightCase(number, seed, autopilots[number % len(autopilots)]) for number in range(flights)]
 
 
 def map_in_processes(
     work: Callable[[T], R], orders: Sequence[T], *, jobs: int, told: Callable[[int, int], None] = lambda *_: None
 ) -> list[R]:
-    """Do the same for every order; the answers have the order of the orders, whatever the number of processes.
+    """Apply a function to every order; answers are in the order of the orders, for any number of processes.
 
     Args:
-        work: A function of a module, which processes can be told of.
-        orders: What to do it for.
-        jobs: Processes; 1 does everything in this one.
-        told: Told how many are done, of how many.
+        work: A function of a module, so that processes can import it.
+        orders: Its inputs.
+        jobs: Processes; 1 runs everything in this one.
+        told: Receives the number of finished orders, and the total.
     """
     one = partial(_run_without_collector, work)
     if jobs <= 1 or len(orders) <= 1:
@@ -60,7 +60,7 @@ def _run_without_collector(work: Callable[[T], R], order: T) -> R:
 
 @contextmanager
 def _pause_collector() -> Iterator[None]:
-    """Look for cycles after a flight, not in it: a tenth of the time is spared."""
+    """Collect cycles after a flight, not during it: saves a tenth of the time."""
     gc.disable()
     try:
         yield

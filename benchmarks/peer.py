@@ -1,4 +1,4 @@
-"""Another solver to compare with, PyVRP, where it is installed: the extra bench.
+"""PyVRP as another solver for comparison, if installed: the extra bench.
 
 A segment is a mutually exclusive group of two clients, one for each direction; distances are whole numbers, and the
 budget is each vehicle's longest distance. It minimises the sum: it has no min-max objective.
@@ -16,21 +16,21 @@ import numpy.typing as npt
 from planner import Cost, Instance, Plan, Route, evaluate
 
 SCALE = 100
-"""Of distances to whole numbers, for figures in seconds."""
+"""Factor from distances in seconds to whole numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class PeerPlan:
-    """What the other solver found."""
+    """Result of the other solver."""
 
     plan: Plan | None
-    """None where it found nothing that holds by our own definition."""
+    """None if it found nothing valid by our own definition."""
     value: float | None
     """c-MinSum of that plan, by our own definition."""
 
 
 def pyvrp_installed() -> bool:
-    """Return whether PyVRP can be asked."""
+    """Return whether PyVRP is available."""
     return find_spec("pyvrp") is not None
 
 
@@ -39,7 +39,7 @@ def solve_pyvrp(instance: Instance, *, seconds: float, seed: int, scale: float =
     import pyvrp
 
     clients, fleet = 2 * instance.segments, len(instance.vehicles)
-    first = fleet + 1  # location 0 is where all land, then where each starts, then the visits
+    first = fleet + 1  # location 0 is the common landing, then come the starts, then the visits
     locations = [pyvrp.Location(0, 0) for _ in range(first + clients)]
     groups = [pyvrp.ClientGroup([2 * segment, 2 * segment + 1]) for segment in range(instance.segments)]
     visits = [pyvrp.Client(first + visit, required=False, group=visit // 2) for visit in range(clients)]
@@ -57,7 +57,7 @@ def solve_pyvrp(instance: Instance, *, seconds: float, seed: int, scale: float =
         locations, visits, depots, types, matrices, [np.zeros_like(one) for one in matrices], groups
     )
     with warnings.catch_warnings():
-        # It warns where it does not find a plan within the budgets: here that is an answer.
+        # It warns when it finds no plan within the budgets: here that is a valid answer.
         warnings.simplefilter("ignore", pyvrp.exceptions.PenaltyBoundWarning)
         found = pyvrp.solve(data, pyvrp.stop.MaxRuntime(seconds), seed=seed, collect_stats=False, display=False).best
     if not found.is_feasible():
@@ -72,7 +72,7 @@ def solve_pyvrp(instance: Instance, *, seconds: float, seed: int, scale: float =
 
 
 def _group_equal_vehicles(instance: Instance) -> list[list[int]]:
-    """Return the vehicles in lists of those that can stand for each other."""
+    """Return groups of interchangeable vehicles."""
     kinds: dict[tuple[object, ...], list[int]] = {}
     for number, vehicle in enumerate(instance.vehicles):
         rows = instance.start_pct[number].tobytes(), instance.home_pct[number].tobytes()
@@ -82,7 +82,7 @@ def _group_equal_vehicles(instance: Instance) -> list[list[int]]:
 
 
 def _distances(instance: Instance, vehicle: int, scale: float) -> npt.NDArray[np.int64]:
-    """Return (1 + k + 2n, 1 + k + 2n) int64: of one vehicle, from each place to each; only its own start leads on."""
+    """Return (1 + k + 2n, 1 + k + 2n) int64: one vehicle's distances of all places; only its own start is usable."""
     fleet, every = len(instance.vehicles), np.arange(2 * instance.segments)
     first = fleet + 1
     whole = np.zeros((first + len(every), first + len(every)))

@@ -1,10 +1,10 @@
-"""`faultline bench pictures`: flights that have something to see, with faults and lost datagrams, and their cards.
+"""`faultline bench pictures`: flights with cameras, with faults and lost datagrams, and their cards.
 
-Fleets fly over parts of faultline's own network in virtual time. Spans ask for a picture every so many metres, some
-pylons for viewpoints around them, on half of the flights from beside their insulators. Vehicles are lost or silent for
-a while, cameras fail, cards are full, a fifth of all datagrams is lost. The simulated cameras write real JPEGs, whose
-clocks are off by minutes and by time zones. What the index says, and which file is matched to which of its rows, is
-held against what was really taken.
+Fleets fly over parts of faultline's own network in virtual time. Spans require an image every few metres, some pylons
+viewpoints around them, on half of the flights from beside their insulators. Vehicles are lost or silent for a while,
+cameras fail, cards are full, a fifth of all datagrams is lost. The simulated cameras write real JPEGs, whose clocks are
+off by minutes and by time zones. The index, and the matching of files to its rows, are checked against the images that
+were really taken.
 """
 
 from __future__ import annotations
@@ -44,45 +44,47 @@ VEHICLES = (2, 4)
 RADII_M = (320.0, 400.0, 500.0)
 EVERY_M = 12.0
 GAP, LATE_M = 1.5, 2.5
-"""A span is shown where no two pictures along it are farther apart than this times what was asked, and a bit more."""
+"""A span is shown if no two images along it are farther apart than this factor times the requested distance, plus this
+margin."""
 USES_PCT = 40.0
 SETTLED = 300
 SIZED_IN = 4
-"""Steps to packs of which the dearest route takes that much."""
+"""Steps to find packs of which the most expensive route uses that share."""
 LOST_SHARE = 0.2
-"""Of all datagrams, each way."""
+"""Share of all datagrams, each way."""
 FAULTS = (
     "crash", "silent", "silent=30", "pilot=RTL", "camera-silent", "card-full", "gimbal-stuck", "camera-mute",
     "camera-loss=0.4", "",
 )  # fmt: skip
 ONLY_SPOKEN = frozenset({"gimbal-stuck", "card-full", "camera-mute"})
-"""What does not befall a wired camera."""
+"""Faults that a wired camera does not have."""
 OF_CAMERAS = ONLY_SPOKEN | {"camera-silent", "camera-loss"}
 CLOCK_S = 600.0
-"""A camera's clock is off by up to this, and by whole hours of a zone."""
+"""Maximum error of a camera's clock, besides whole hours of a time zone."""
 ZONES_H = (-1, 3)
 BEGAN_UNIX_S = 1_795_000_000.0
-"""When every flight begins, by the computer's clock."""
+"""Start of every flight, by the computer's clock."""
 SAME_S, SAME_M = 1.0, 8.0
-"""What a row of the index may be off from the picture that it is."""
+"""Tolerance between a row of the index and its image."""
 ASIDE_M = 5.0
 TRUE_M = 1.0
-"""By so much a true place may differ from what the vehicle says."""
+"""Tolerance between a true and a reported position."""
 PYLON_M = 8.0
-"""So near to a pylon, which is passed some metres beside, the last picture of one span meets the next one's first."""
+"""Distance to a pylon, passed at some metres, within which one span's last image meets the next one's first."""
 PASS_S, DOUBLE = 20.0, 0.2
-"""Two pictures of one pass are less than this apart in time; nearer than this share of what was asked is one twice."""
+"""Two images of one pass are less than this apart in time; closer than this share of the requested distance, one is a
+duplicate."""
 SPEAKS = {"name": "rgb", "id": 100, "gimbal": True}
 WIRED = {"name": "rgb", "id": 1}
 BELOW = {"distance_m": 14, "heights_m": [2, -6], "target_m": -3}
-"""Of half of the flights: viewpoints from beside the insulators, and half of these with a region of interest."""
+"""Half of the flights: viewpoints from beside the insulators, and half of these with a region of interest."""
 VIEW_M = 5.0
-"""So near to a viewpoint a picture is of it."""
+"""Distance to a viewpoint within which an image counts for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class PicturesFlight:
-    """What became of it."""
+    """Result of one flight."""
 
     number: int
     autopilot: str
@@ -93,36 +95,36 @@ class PicturesFlight:
     assets: int
     seen: int = 0
     named: int = 0
-    """Assets that were not seen, and are named as left over."""
+    """Assets not seen, and named as left over."""
     taken: int = 0
-    """Pictures on the cards."""
+    """Images on the cards."""
     indexed: int = 0
-    """Of them, those that the index has."""
+    """Of these, the indexed ones."""
     excused: int = 0
-    """Those that it lacks, of vehicles or cameras that are said to have failed."""
+    """Of these, those missing in the index because of a vehicle or camera declared failed."""
     files: int = 0
     matched: int = 0
     wrong: tuple[str, ...] = ()
-    """What should not have come of it."""
+    """Errors in the result."""
     flown_s: float = 0.0
     not_flown: str = ""
 
 
 @dataclass(slots=True)
 class _Taken:
-    """What really came onto the cards."""
+    """Images that really came onto the cards."""
 
     cards: SimulatedCards
     shots: dict[str, list[tuple[CapturedImage, Path]]] = field(default_factory=dict)
 
     def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
-        """Write what was taken since the last look."""
+        """Write the images taken since the last call."""
         for name, vehicle in vehicles.items():
             for shot in vehicle.drain_shots():
                 self.shots.setdefault(name, []).append((shot, self.cards.write(name, shot)))
 
     def shot_of(self, row: ImageRow) -> CapturedImage | None:
-        """Return the picture that a row of the index is; None if there is none."""
+        """Return the image of an index row; None if there is none."""
         own = self.shots.get(row.vehicle, [])
         at_s = row.unix_s - BEGAN_UNIX_S
         after = bisect_left(own, at_s, key=lambda one: one[0].t_s)
@@ -132,13 +134,13 @@ class _Taken:
 
 
 def _distance_m(row: ImageRow, lat_deg: float, lon_deg: float) -> float:
-    """Return how far from a place a picture was taken, over the ground."""
+    """Return the horizontal distance of an image from a place."""
     east_m, north_m = LocalFrame(row.lat_deg, row.lon_deg).to_local_m(lat_deg, lon_deg)
     return math.hypot(east_m, north_m)
 
 
 def fly_pictures(case: FlightCase) -> PicturesFlight:
-    """Make up a flight, fly it, read its cards, and hold it against the truth; the same case gives the same figures."""
+    """Generate a flight, fly it, read its cards, and check it; the same case gives the same figures."""
     rng = np.random.default_rng([case.seed, 37, case.number])
     vehicles = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
     speaks = case.autopilot == "px4" or bool(rng.random() < 0.5)
@@ -178,14 +180,14 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
 
 
 def _plan_site(over: Callable[..., SiteModel], seed: int) -> tuple[SiteModel, dict[str, tuple[int, ...]]]:
-    """Return a site with packs that fit, and routes over everything."""
+    """Return a site with suitable packs, and routes over all segments."""
     capacity_ah = AMPLE_AH
     ground = over(capacity_ah=capacity_ah)
     task = site_model.build_first_task(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
     routes = {name: task.to_network(route.visits) for name, route in zip(ground.names, plan.routes, strict=True)}
     for _ in range(SIZED_IN):
-        # A small battery gives less at the same power, so that this is no simple proportion.
+        # A small battery delivers less at the same power, so the relation is not proportional.
         capacity_ah *= dearest_route_pct(ground, plan_with(ground, routes)) / USES_PCT
         ground = over(capacity_ah=capacity_ah)
     return ground, routes
@@ -194,7 +196,7 @@ def _plan_site(over: Callable[..., SiteModel], seed: int) -> tuple[SiteModel, di
 def _judge_flight(
     empty: PicturesFlight, ground: SiteModel, flight: VirtualFlight, taken: _Taken, folder: Path
 ) -> PicturesFlight:
-    """Hold a flight, its index and its cards against what was really taken."""
+    """Check a flight, its index and its cards against the images really taken."""
     index = build_image_index(flight.context, flight.state, BEGAN_UNIX_S)
     found = {id(row): taken.shot_of(row) for row in index.images}
     known = {id(shot) for shot in found.values()}
@@ -211,7 +213,7 @@ def _judge_flight(
         f"{row.asset or 'a picture'} by {row.vehicle}: its picture {row.sequence} was never taken"
         for row in index.images if found[id(row)] is None
     ]  # fmt: skip
-    # What a wired camera's autopilot says of a picture is said once; where that is lost, the span is looked at again.
+    # A wired camera's autopilot reports each image once; if that is lost, the span is inspected again.
     failed |= set(taken.shots) if empty.camera == "wired" else set()
     wrong += [f"{name} took a picture that the index lacks" for name in unknown if name not in failed]
     wrong += [f"{segment} was not seen, and is not named" for segment in sorted(unseen - uncovered)]
@@ -245,13 +247,13 @@ def _judge_flight(
 
 
 def _find_false_camera_faults(flight: VirtualFlight, faults: Sequence[str]) -> list[str]:
-    """Return whose cameras are said to have failed while nothing befell them."""
+    """Return the cameras declared failed that had no fault."""
     befell = {fault.split(":")[0] for fault in faults if kind_of(fault) in OF_CAMERAS}
     return [name for name, vehicle in flight.state.vehicles.items() if vehicle.payload.broken and name not in befell]
 
 
 def _gaps(ground: SiteModel, index: ImageIndex, taken: _Taken) -> list[str]:
-    """Return the spans that are called seen, and along which too few pictures were really taken."""
+    """Return the spans reported as seen along which too few images were really taken."""
     frame, lines = ground.network.frame, ground.setup.tracks_m.tolist()
     places_m = [frame.to_local_m(shot.lat_deg, shot.lon_deg) for own in taken.shots.values() for shot, _ in own]
     found = []
@@ -269,7 +271,7 @@ def _gaps(ground: SiteModel, index: ImageIndex, taken: _Taken) -> list[str]:
 
 
 def _misses(ground: SiteModel, flight: VirtualFlight, index: ImageIndex, taken: _Taken) -> list[str]:
-    """Return the viewpoints that are called seen, and that no picture was really taken from as they were asked for."""
+    """Return the viewpoints reported as seen without an image taken as requested."""
     frame, pylons, found = ground.network.frame, ground.setup.looks.pylons, []
     asked_m = ground.setup.inspection.height_m
     shots = [
@@ -295,7 +297,7 @@ def _misses(ground: SiteModel, flight: VirtualFlight, index: ImageIndex, taken: 
 
 
 def _faces(look: PylonCameraTask, place_m: tuple[float, float, float], shot: CapturedImage, gimbal: bool) -> bool:
-    """Return whether a camera looked at what its pylon asks for; one on the nose only turns."""
+    """Return whether a camera pointed as its pylon requires; one on the nose only turns."""
     east_m, north_m, up_m = (there - here for there, here in zip(look.target_m, place_m, strict=True))
     to_deg = math.degrees(math.atan2(east_m, north_m))
     if not gimbal:
@@ -305,9 +307,9 @@ def _faces(look: PylonCameraTask, place_m: tuple[float, float, float], shot: Cap
 
 
 def _doubles(index: ImageIndex) -> list[str]:
-    """Return what a vehicle took twice in one pass, by pictures that count.
+    """Return duplicates within one pass, among images that count.
 
-    What is flown again is another pass, and at a pylon where two spans meet each of them asks for a picture.
+    A repeated flight is another pass, and at a pylon where two spans meet each requires an image.
     """
     found, last = [], dict[tuple[str, int], ImageRow]()
     pylons = {place for row in index.assets for place in row.line}

@@ -1,4 +1,4 @@
-"""What `faultline bench pictures` shows: on a terminal, as JSON, and as a page of the results."""
+"""Output of `faultline bench pictures`: on a terminal, as JSON, and as a page of the results."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""`faultline bench prediction`: what a plan says of a route's time and energy against what is flown.
+"""`faultline bench prediction`: a plan's estimate of a route's time and energy against the flight.
 
-Random routes are flown nominally in virtual time; time is counted from arming to disarming, energy is all that the
-battery really gave, from the motors' start to their end. What is planned is what the ground station itself goes by: the
-estimate of every leg of the mission on board.
+Random routes are flown nominally in virtual time; time counts from arming to disarming, energy is the battery's true
+output from motor start to motor stop. The planned values are those the ground station uses: the estimate of every leg
+of the mission on board.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ LEAST, MOST = 5, 40
 """Segments of a route."""
 MOST_VEHICLES = 4
 RELIEF_M = (10.0, 60.0)
-"""From valley to hill."""
+"""Height from valley to hill."""
 STEEP = 0.2
-"""The ground of made-up hills rises by at most this many metres a metre."""
+"""Maximum slope of generated hills, metres per metre."""
 BESIDE_RAD = 0.3
-"""How far beside the bottom of its valley the depot may be, as a part of a wave."""
+"""Offset of the depot from the bottom of its valley, as a phase."""
 TALLER_M = 8.0
-"""Made-up pylons are up to this much taller or shorter than the network's."""
+"""Maximum height difference between generated pylons and the network's."""
 WIND_M_S = (1.0, 6.0)
 CHANCE = 0.5
-"""Of hills, and of wind."""
+"""Probability of hills, and of wind."""
 USES_PCT = (30.0, 65.0)
-"""Of the battery: each flight has one of such a size that its dearest route takes a share between these."""
+"""Share of the battery that each flight's most expensive route uses; it sets the size of the battery."""
 SETTLED = 500
-"""Iterations of the solver without an improvement: the routes need not be the best."""
+"""Iterations of the solver without an improvement: the routes need not be optimal."""
 
 
 @dataclass(frozen=True, slots=True)
 class RouteCase(FlightCase):
-    """One with random routes."""
+    """A flight of random routes."""
 
     network: Path | None
     sizes: tuple[int, ...]
@@ -64,22 +64,22 @@ class RouteCase(FlightCase):
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Planned beside flown."""
+    """A planned and a flown value."""
 
     planned_s: float
     flown_s: float
     planned_pct: float
     flown_pct: float | None
-    """None where the battery never reported."""
+    """None if the battery never reported."""
 
     @property
     def time_error_pct(self) -> float:
-        """By how much more time was flown than planned."""
+        """Extra flown time, relative to the plan."""
         return 100.0 * (self.flown_s / self.planned_s - 1.0)
 
     @property
     def energy_error_pct(self) -> float | None:
-        """By how much more energy was used than planned."""
+        """Extra used energy, relative to the plan."""
         return None if self.flown_pct is None else 100.0 * (self.flown_pct / self.planned_pct - 1.0)
 
 
@@ -92,13 +92,13 @@ class FlownRoute:
     autopilot: str
     segments: int
     relief_m: float | None
-    """None where nobody made it up."""
+    """None without generated hills."""
     wind_m_s: float | None
     figures: Figures
     phases: Mapping[str, Figures]
-    """Sums over the legs of one kind, as the ground station heard them."""
+    """Sums over the legs of one kind, as received by the ground station."""
     plan_file: Figures | None = None
-    """The same beside what the planner said of the route, as a plan file has it; None where that is not known."""
+    """The same with the planner's estimate of the route, as in a plan file; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +109,14 @@ class Flown:
     flown_s: float
     took_s: float
     wrong: str = ""
-    """Why it was not nominal; its routes are not counted then."""
+    """Why it was not nominal; its routes then do not count."""
 
 
 def cases(
     routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[Path | None],
     sizes: tuple[int, int] = (LEAST, MOST),
 ) -> list[RouteCase]:  # fmt: skip
-    """Draw so many routes of so many segments, in flights of 1 to 4 vehicles."""
+    """Draw ``routes`` routes with sizes in a range, in flights of 1 to 4 vehicles."""
     rng = np.random.default_rng([seed, 17])
     found: list[RouteCase] = []
     left = routes
@@ -132,7 +132,7 @@ def cases(
 
 
 def fly_case(case: RouteCase) -> Flown:
-    """Make up a flight, fly it, and hold it against its plan; the same case gives the same figures."""
+    """Generate a flight, fly it, and check it against its plan; the same case gives the same figures."""
     rng = np.random.default_rng([case.seed, case.number])
     speed_m_s = float(rng.uniform(*WIND_M_S)) if rng.random() < CHANCE else 0.0
     course = float(rng.uniform(0.0, 2.0 * math.pi))
@@ -165,9 +165,9 @@ def fly_case(case: RouteCase) -> Flown:
 
 
 def with_hills(network: Network, relief_m: float, rng: np.random.Generator) -> Network:
-    """Return a network over made-up hills, and with other pylons.
+    """Return a network over generated hills, and with other pylons.
 
-    The depot's ground stays where it is, near the bottom of a valley: under the simulated vehicles it is level, so they
+    The depot's ground stays as it is, near the bottom of a valley: below the simulated vehicles it is level, so they
     can fly over hills but not below their pads.
     """
     length_m = float(rng.uniform(1.0, 3.0)) * math.pi * relief_m / STEEP
@@ -199,7 +199,7 @@ def random_routes(ground: SiteModel, sizes: Sequence[int], rng: np.random.Genera
     left = set(range(len(middles_m)))
     routes = {}
     for number, (name, size) in enumerate(zip(ground.names, sizes, strict=True)):
-        # Everybody after this one needs some too.
+        # Every later vehicle needs some too.
         most = len(left) - LEAST * (len(sizes) - number - 1)
         here_m = middles_m[int(rng.choice(sorted(left)))]
         near = sorted(left, key=lambda segment: float(np.hypot(*(middles_m[segment] - here_m))))[: min(size, most)]
@@ -220,12 +220,12 @@ def plan_with(ground: SiteModel, routes: Mapping[str, tuple[int, ...]]) -> PlanF
 
 
 def estimate_mission(board: OnboardMission) -> tuple[float, float]:
-    """Return what a mission should take, in seconds and in percent of the battery: what the ground station goes by."""
+    """Return a mission's estimated seconds and percent of the battery, as used by the ground station."""
     return sum(leg.duration_s for leg in board.legs), sum(leg.energy_pct for leg in board.legs)
 
 
 def _truly(board: OnboardMission, name: str, truths: Sequence[Truth]) -> Figures:
-    """Return what really was, by the simulator."""
+    """Return the simulator's true values."""
     at = {truth.what: truth for truth in truths if truth.vehicle == name}
     planned_s, planned_pct = estimate_mission(board)
     given_pct = (at["armed"].charge_pct or 0.0) - (at["disarmed"].charge_pct or 0.0)
@@ -233,7 +233,7 @@ def _truly(board: OnboardMission, name: str, truths: Sequence[Truth]) -> Figures
 
 
 def _describe_anomaly(flight: VirtualFlight) -> str:
-    """Return why a flight without a fault was not as it should be; empty if it was."""
+    """Return why a flight without a fault was not nominal; empty if it was."""
     report = flight.report
     if report.faults:
         return f"{report.faults[0].vehicle}: {report.faults[0].reason}"
@@ -249,7 +249,7 @@ def _route_of(flight: VirtualFlight, name: str) -> RouteRow:
 
 
 def sum_by_phase(route: RouteRow) -> dict[str, Figures]:
-    """Return the sums over a route's legs of each kind; legs that were not heard from end to end are left out."""
+    """Return the sums over a route's legs of each kind; incompletely received legs are left out."""
 
     def total(legs: Sequence[LegRow]) -> Figures:
         known = [leg.flown_pct for leg in legs if leg.flown_pct is not None]
@@ -266,9 +266,9 @@ def sum_by_phase(route: RouteRow) -> dict[str, Figures]:
 
 
 def read_recorded_routes(runs: Sequence[Path]) -> list[FlownRoute]:
-    """Return the whole routes of recorded flights; one whose report does not hold them is replayed first.
+    """Return the complete routes of recorded flights; one whose report lacks them is replayed first.
 
-    What the battery gave is a simulator's truth where there is one, or else what the vehicle reported.
+    Battery use is the simulator's truth if available, otherwise the vehicle's report.
 
     Raises:
         ExecutorError: a run directory cannot be read.
@@ -300,7 +300,7 @@ def _read_route(run: Path, row: RouteRow) -> FlownRoute:
 
 
 def prediction_errors(routes: Sequence[FlownRoute]) -> Json:
-    """Return the errors over routes: sizes of errors, and which way they go."""
+    """Return the errors over routes: magnitudes and signed errors."""
     planner = [one.plan_file for one in routes if one.plan_file is not None]
     return {
         "routes": len(routes),
@@ -329,7 +329,7 @@ def _spread(errors: Sequence[float]) -> Json | None:
 
 
 def phases(routes: Sequence[FlownRoute]) -> Json:
-    """Return planned and flown sums over all routes, by the kind of leg: where the errors come from."""
+    """Return planned and flown sums over all routes, by the kind of leg: the sources of the errors."""
     found: Json = {}
     for phase in dict.fromkeys(phase for route in routes for phase in route.phases):
         parts = [route.phases[phase] for route in routes if phase in route.phases]

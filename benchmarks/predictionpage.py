@@ -1,4 +1,4 @@
-"""What `faultline bench prediction` shows: on a terminal, as JSON, and as a page of the results."""
+"""Output of `faultline bench prediction`: on a terminal, as JSON, and as a page of the results."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ SAYINGS = (
 )
 RECORDED = "`{command}`: whole routes of recorded flights, as their reports have them."
 WORST = 10
-"""Routes with the largest errors that are named."""
+"""Number of routes listed as having the largest errors."""
 
 
 def prediction_document(
@@ -95,7 +95,7 @@ def _row(route: FlownRoute) -> Json:
 
 
 def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
-    """Write prediction.json and prediction.md, with what another run of the command measured."""
+    """Write prediction.json and prediction.md, merged with another run's measurements."""
     path = folder / "prediction.json"
     if path.exists():
         content = join_content(json.loads(path.read_text(encoding="utf-8")), content)
@@ -103,7 +103,7 @@ def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
 
 
 def join_content(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
-    """Return the content of a page with what another run of the command measured, and this one did not."""
+    """Return a page's content, with measurements of another run that this one lacks."""
     if content["routes"] == 0 and before["routes"]:
         return {**before, "band": content["band"]}
     return {**content, "band": content["band"] or before.get("band")}

@@ -1,4 +1,4 @@
-"""What is solved: instances of city files and of power lines, with the names of what they visit."""
+"""Problems to solve: instances of city files and of power lines, with names of their visits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planner import Instance, Route, Travel, Vehicle, build_instance, is_reverse
 from planner.moves import Dynamics
 
 LENGTHS = Travel(1.0, 1.0, 1.0, 1.0)
-"""A unit of length is a second is a percent: what a plan costs is how long its tours are."""
+"""One unit of length is one second and one percent: a plan's cost is the length of its tours."""
 PAPER_S = Travel(5.0, 1.0, 1.0, 1.0)
 """The paper's model, 5 m/s in transit and 1 m/s along the line; a second is a percent."""
 AUTHORS_S = Travel(5.0, 1.0, 1.0, 1.0, Dynamics())
@@ -24,12 +24,12 @@ AUTHORS_S = Travel(5.0, 1.0, 1.0, 1.0, Dynamics())
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedProblem:
-    """An instance, and how its visits are called."""
+    """An instance, and the names of its visits."""
 
     name: str
     instance: Instance
     cities: tuple[int, ...] | None
-    """Of a city file: its number of each of the instance's segments; None for a power line."""
+    """For a city file: city number of each of the instance's segments; None for a power line."""
 
     def visits(self, route: Route) -> list[int] | list[dict[str, int | bool]]:
         """Return a route as numbers of cities, or as segments of the network with their direction."""
@@ -41,7 +41,7 @@ class NamedProblem:
 def read_problem(
     path: Path | None, *, radius_m: float | None, vehicles: int, budget: float | None, dynamics: bool
 ) -> NamedProblem:
-    """Read a problem: a TSPLIB file, a network file, or the project's own network where there is no file.
+    """Read a problem: a TSPLIB file, a network file, or the project's own network without a file.
 
     Raises:
         BenchError: the city file cannot be used.
@@ -55,7 +55,7 @@ def read_problem(
 
 
 def cities_problem(path: Path, vehicles: int, budget: float | None = None) -> NamedProblem:
-    """Return the cities of a TSPLIB file as segments of no length, the first one as the depot.
+    """Return the cities of a TSPLIB file as segments of zero length, the first one as the depot.
 
     Raises:
         BenchError: the file cannot be used.
@@ -67,7 +67,7 @@ def cities_problem(path: Path, vehicles: int, budget: float | None = None) -> Na
 
 
 def network_of(path: Path | None, radius_m: float | None) -> Network:
-    """Read a network file, or the project's own; a graph file is put where that one is, as it does not say where.
+    """Read a network file, or the project's own; a graph file, which has no position, gets that one's.
 
     Raises:
         missions.MissionsError: the network cannot be used.
@@ -83,7 +83,7 @@ def network_of(path: Path | None, radius_m: float | None) -> Network:
 
 
 def line_instance(ends_m: npt.ArrayLike, vehicles: int, travel: Travel, budget_pct: float | None = None) -> Instance:
-    """Return segments about a depot at (0, 0) with so many vehicles alike; without a budget it is no limit."""
+    """Return segments about a depot at (0, 0) with equal vehicles; without a budget it is unlimited."""
     return _instance(np.asarray(ends_m, dtype=np.float64), (0.0, 0.0), vehicles, travel, budget_pct)
 
 
@@ -102,6 +102,6 @@ def _instance(
 
 
 def _ample_budget_pct(instance: Instance) -> float:
-    """Return twice what it takes to fly to each segment and home again one by one: no good route comes near that."""
+    """Return twice the cost of flying to each segment and back one by one: no good route comes near it."""
     there_and_back = (instance.start_pct[0] + instance.home_pct[0]).reshape(-1, 2).min(axis=1)
     return 2.0 * float(there_and_back.sum()) + 1.0

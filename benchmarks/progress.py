@@ -1,4 +1,4 @@
-"""How far a long run is, on a terminal."""
+"""Progress of a long run, on a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TOLD_S = 60.0
 
 
 class ShownProgress:
-    """A bar for each stage; where there is no terminal, a line a minute, and one for each stage that is done."""
+    """A bar for each stage; without a terminal, a line a minute and one for each finished stage."""
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
@@ -35,7 +35,7 @@ class ShownProgress:
         self._bars.stop()
 
     def show_stage(self, stage: str, done: int, total: int) -> None:
-        """Show how many pieces of a stage are done."""
+        """Show the finished pieces of a stage."""
         if stage not in self._stages:
             self._stages[stage] = self._bars.add_task(stage, total=total)
         self._bars.update(self._stages[stage], completed=done)

@@ -1,7 +1,7 @@
-"""Flights of a fleet behind one telemetry radio: how soon everybody is asked, has a mission, and a re-plan on board.
+"""Flights of a fleet behind one telemetry radio: time to checklist, to missions on board, and to a re-plan on board.
 
-Each flight is that of `benchmarks.virtual_flight` over an emulated radio (`simulator/radio.py`), with one crash. What
-went over the radio is counted where it enters it, and what was heard of our heartbeat in the vehicles.
+Each flight is that of `benchmarks.virtual_flight` over an emulated radio (`simulator/radio.py`), with one crash. Radio
+traffic is counted at the radio's input, heard GCS heartbeats in the vehicles.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ SPAN_M = 30.0
 SPANS_EACH = 32
 """Segments of each vehicle: some 40 items."""
 LOST_S = 45.0
-"""When the second vehicle crashes, in the time of its mission."""
+"""Mission time at which the second vehicle crashes."""
 LIMIT_S = 1500.0
 HOME = LocalFrame(49.6, 15.6, 450.0)
 MISSION_ITEM_INT, ITEM_HEAD = 73, 10
 LATE_S = 2.0
-"""Between two of our heartbeats that a vehicle hears: more is late by more than a second."""
+"""Gap between two GCS heartbeats heard by a vehicle above which one is late: by more than a second."""
 RADIOS = ("sik", "lte", "mlrs-31", "sik-ecc-mended", "sik-ecc", "mesh")
 
 
@@ -60,7 +60,7 @@ class RadioCase(FlightCase):
 
 @dataclass(frozen=True, slots=True)
 class RadioFlight:
-    """What became of it; times in seconds."""
+    """Result of one flight; times in seconds."""
 
     radio: str
     autopilot: str
@@ -69,28 +69,28 @@ class RadioFlight:
     failure: str = ""
     """Why it did not fly; empty if it did."""
     asked_s: float | None = None
-    """From the first heartbeat until the checklist is there."""
+    """From the first heartbeat to the complete checklist."""
     loaded_s: float | None = None
-    """From then until all missions are on board and proven."""
+    """From then until all missions are on board and verified."""
     items: int = 0
-    """Of all first missions."""
+    """Items of all first missions."""
     sent_times: float = 0.0
-    """How often an item of them was sent, in the mean."""
+    """Mean number of transmissions of each of these items."""
     sent_most: int = 0
     replan_upload_s: float | None = None
-    """From the solver's answer until the last survivor's mission is on board and proven."""
+    """From the solver's answer until the last survivor's mission is on board and verified."""
     replan_s: float | None = None
-    """From the need."""
+    """From the loss to the same moment."""
     replan_sent_times: float = 0.0
     late_heartbeats: int = 0
-    """Times that a vehicle did not hear our heartbeat for more than `LATE_S`."""
+    """Number of gaps above `LATE_S` between GCS heartbeats at a vehicle."""
     heartbeat_gap_s: float = 0.0
-    """The longest of these times."""
+    """Longest of these gaps."""
     up_bytes_s: float = 0.0
     cut_bytes: int = 0
-    """For which some radio had no room."""
+    """Bytes cut by a full radio buffer."""
     false_faults: tuple[str, ...] = ()
-    """Of vehicles that are well."""
+    """Fault declarations for healthy vehicles."""
     broken: tuple[str, ...] = ()
     """Runs along a segment that did not count."""
     finished: bool = False
@@ -98,7 +98,7 @@ class RadioFlight:
 
 @dataclass(slots=True)
 class _Air:
-    """What was sent into the radios, and heard by the vehicles."""
+    """Frames sent into the radios, and heartbeats heard by the vehicles."""
 
     items: Counter[tuple[int, int]] = field(default_factory=Counter)
     up_bytes: int = 0
@@ -106,25 +106,25 @@ class _Air:
     gaps_s: list[float] = field(default_factory=list)
 
     def take_up(self, data: bytes) -> None:
-        """Count what the ground station sends."""
+        """Count a frame of the ground station."""
         self.up_bytes += len(data)
         if len(data) > 40 and int.from_bytes(data[7:10], "little") == MISSION_ITEM_INT:
-            # Of the payload the sequence number comes behind seven numbers of four bytes, the target two behind it.
+            # In the payload the sequence number follows seven four-byte numbers; the target comes two bytes later.
             seq, target = int.from_bytes(data[ITEM_HEAD + 28 : ITEM_HEAD + 30], "little"), data[ITEM_HEAD + 32]
             self.items[target, seq] += 1
 
     def hear(self, vehicle: str, now_s: float) -> None:
-        """Note that a vehicle has heard our heartbeat."""
+        """Record that a vehicle has heard the GCS heartbeat."""
         if vehicle in self.heard_s:
             self.gaps_s.append(now_s - self.heard_s[vehicle])
         self.heard_s[vehicle] = now_s
 
 
 class RadioRun(VirtualRun):
-    """A flight over a radio, with a stopwatch."""
+    """A flight over a radio, with time measurements."""
 
     def __init__(self, *args: Any, air: _Air, stages: dict[str, float], radio: str) -> None:  # noqa: ANN401
-        """Prepare; the arguments are those of a `VirtualRun`, and what is filled in."""
+        """Prepare; the arguments are those of a `VirtualRun`, and the records to fill in."""
         super().__init__(*args, radio=radio)
         self._air, self._stages = air, stages
         self._radios = list({id(one.radio): one.radio for one in self._vehicles.values() if one.radio}.values())
@@ -134,7 +134,7 @@ class RadioRun(VirtualRun):
             _count_heartbeats(name, vehicle.autopilot, air)
 
     async def _upload_fences(self, context: Context, first: Mapping[str, Fence]) -> None:
-        """Look what a flight would change, as before every flight; nothing is."""
+        """Check what a flight would change, as before every flight; nothing changes."""
         await read_changes(context, self.links, self.clock)
         self._stages["asked"] = asyncio.get_running_loop().time()
         await super()._upload_fences(context, first)
@@ -173,7 +173,7 @@ def _count_heartbeats(name: str, autopilot: Any, air: _Air) -> None:  # noqa: AN
 
 
 def make_site(folder: Path, case: RadioCase) -> tuple[SiteModel, PlanFile]:
-    """Return a straight line, and a plan in which everybody has a run of it."""
+    """Return a straight line, and a plan in which every vehicle has a run of it."""
     spans = SPANS_EACH * case.vehicles
     points = [HOME.to_wgs84_deg(SPAN_M * (number + 1), 30.0) for number in range(spans + 1)]
     places = [[round(lon, 7), round(lat, 7)] for lat, lon in points]

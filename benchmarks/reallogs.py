@@ -1,7 +1,7 @@
-"""`faultline bench detection --logs FOLDER`: declarations in logs of real aircraft, held against them.
+"""`faultline bench detection --logs FOLDER`: declarations in logs of real aircraft, checked against the logs.
 
-Nobody injected anything into them: what is true is what the log says, read by `benchmarks.witness`, which shares
-no code with what is judged.
+These logs have no injected faults: the truth is what the log states, read by `benchmarks.witness`, which shares no code
+with the detectors under test.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PER_H = 50.0
 
 
 def logs_under(folder: Path) -> list[Path]:
-    """Return every log under a folder that has no truth beside it, in the order of their names."""
+    """Return every log under a folder without a truth file, sorted by name."""
     truths: dict[Path, Mapping[str, object]] = {}
     found = []
     for path in sorted(folder.rglob("*")):
@@ -52,7 +52,7 @@ def logs_under(folder: Path) -> list[Path]:
 
 
 def aircraft_of(path: Path, folder: Path, systems: Sequence[int]) -> str:
-    """Return which aircraft flew a log: OWNER+REPOSITORY of its name, its folder, or the number of its system."""
+    """Return the aircraft of a log: OWNER+REPOSITORY in its name, its folder, or its system id."""
     owner, found, _ = path.name.partition("__")
     if found and "+" in owner:
         return owner
@@ -62,7 +62,7 @@ def aircraft_of(path: Path, folder: Path, systems: Sequence[int]) -> str:
 
 
 def judge_log(path: Path, folder: Path) -> Json:
-    """Replay one log and hold what is declared against it; whatever is wrong with it is told, not raised."""
+    """Replay one log and check the declarations against it; errors are reported in the row, not raised."""
     row = _unread(path, folder)
     try:
         opened = open_log(path)
@@ -129,7 +129,7 @@ def _select_system(
 
 
 def _build_statements(told: LogEvidence, said: Mapping[str, Sequence[tuple[int, FaultKind]]], began: int) -> list[Json]:
-    """Return what a log states, and how either detector declared it."""
+    """Return a log's statements, and how both detectors declared them."""
     stated = find_statements(told, LINK_TIMEOUT_S)
     outcomes = {by: found_all(told, stated, those, LINK_TIMEOUT_S) for by, those in said.items()}
     return [
@@ -142,9 +142,9 @@ def _build_statements(told: LogEvidence, said: Mapping[str, Sequence[tuple[int, 
 
 
 def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambda *_: None) -> list[Json]:
-    """Judge every log under a folder; one whose process dies is counted, and the others go on."""
+    """Judge every log under a folder; a log whose process dies is counted, and the rest continues."""
     paths = logs_under(folder)
-    # The longest first: at the end no process waits for one.
+    # Longest first, so that no process waits for one at the end.
     order = sorted(range(len(paths)), key=lambda number: -paths[number].stat().st_size)
     rows: dict[int, Json] = {}
     try:
@@ -153,7 +153,7 @@ def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambd
             for number, future in waiting:
                 rows[number] = future.result()
                 told(len(rows), len(paths))
-    except BrokenProcessPool:  # nobody knows by which: what is left is judged one after the other
+    except BrokenProcessPool:  # the culprit is unknown: judge the rest one by one
         for number in order:
             if number not in rows:
                 rows[number] = _alone(paths[number], folder)
@@ -170,13 +170,13 @@ def _alone(path: Path, folder: Path) -> Json:
 
 
 def _unread(path: Path, folder: Path) -> Json:
-    """Return what is known of a log before it is read."""
+    """Return the row of a log before it is read."""
     return {"log": path.relative_to(folder).as_posix(), "aircraft": aircraft_of(path, folder, ()), "hours": 0.0,
             "vehicles": 0, "notes": [], "failed": "", "declared": [], "stated": []}  # fmt: skip
 
 
 def real_summary(rows: Sequence[Json]) -> Json:
-    """Return the figures of a campaign over real logs as JSON has them."""
+    """Return the figures of a campaign over real logs as JSON."""
     followed = [row for row in rows if row["vehicles"]]
     return {
         "logs": len(rows),
@@ -191,7 +191,7 @@ def real_summary(rows: Sequence[Json]) -> Json:
 
 
 def _reason(row: Mapping[str, Any]) -> str:
-    """Return why a log was not followed, without what differs from log to log."""
+    """Return why a log was not followed, without details that differ between logs."""
     notes = [note for note in row["notes"] if not note.startswith("no vehicle in it that can be followed")]
     text = "; ".join(notes or row["notes"]) or "no reason given"
     return re.sub(r"^system \d+ is not followed: ", "", text)
@@ -234,10 +234,11 @@ def _outcomes(rows: Sequence[Json], by: str, name: str | None) -> Json:
 
 
 def compute_clustered_interval(wrong: Mapping[str, int], hours: Mapping[str, float]) -> tuple[float, float]:
-    """Return the 95 % interval of how many are refuted in 50 hours.
+    """Return the 95 % interval of the number of refuted declarations in 50 hours.
 
-    Flights of one aircraft are wrong together, so aircraft are drawn, with replacement, not flights. Where nothing was
-    refuted, or one aircraft flew alone, drawing shows nothing: then it is Poisson's, as for independent flights.
+    Errors of one aircraft's flights are correlated, so aircraft are resampled with replacement, not flights. Without
+    refuted declarations, or with a single aircraft, resampling shows nothing: then the interval is Poisson's, as for
+    independent flights.
     """
     flown = [name for name in hours if hours[name] > 0]
     total, count = sum(hours.values()), sum(wrong.values())
@@ -254,7 +255,7 @@ def compute_clustered_interval(wrong: Mapping[str, int], hours: Mapping[str, flo
 
 
 def _count_statements(rows: Sequence[Json], by: str, what: str) -> Json:
-    """Return how what logs state was found: in logs that are followed, and in those that are not."""
+    """Return how logs' statements were detected: in logs that are followed, and in those that are not."""
     those = [(row, one[by]) for row in rows for one in row["stated"] if one["what"] == what]
     outcomes = Counter(one["outcome"] for _, one in those)
     after = [one["after_s"] for _, one in those if one["after_s"] is not None]

@@ -1,4 +1,4 @@
-"""The page of `faultline bench detection --logs`: logs of real aircraft, held against what they say themselves."""
+"""The page of `faultline bench detection --logs`: logs of real aircraft, checked against their own statements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Truths beside recorded flights: *_truth.json files that say what was injected into which log, and when."""
+"""Truths of recorded flights: *_truth.json files with the faults injected into each log, and their times."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ KINDS: Mapping[str, FaultKind] = {
     "interruption": FaultKind.INTERRUPTION,
     "mission interruption": FaultKind.INTERRUPTION,
 }
-"""What a truth calls them; any other kind is no fault."""
+"""Names of faults in a truth; any other kind is no fault."""
 _ROUTINE = re.compile(r"first heartbeat|\barmed|disarmed|\bend(s|ed)?\b|\bover\b|\bback\b", re.IGNORECASE)
-"""Events of every flight, and ends of what was injected."""
+"""Events of every flight, and ends of injected faults."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrueEvent:
-    """One thing that really happened, by the truth that lies beside a log."""
+    """One true event, from the truth of a log."""
 
     t_usec: int
-    """On the log's own clock."""
+    """Time on the log's own clock."""
     what: str
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedTruth:
-    """What is known of a recorded flight."""
+    """Truth of a recorded flight."""
 
     kind: FaultKind | None
-    """Of the fault that was injected; None for a healthy flight."""
+    """Injected fault; None for a healthy flight."""
     fault_usec: int | None
-    """When it became visible in the data, on the log's own clock."""
+    """Time at which it became visible in the data, on the log's own clock."""
     events: tuple[TrueEvent, ...]
 
 
 def read_recorded_truths(folder: Path) -> dict[str, RecordedTruth]:
-    """Return the truths of a folder by the names of its telemetry logs; nothing where there are none.
+    """Return the truths of a folder by the names of its telemetry logs; empty without any.
 
     Raises:
         LogError: a truth file cannot be used.
@@ -69,7 +69,7 @@ def truth_for(log: Path, truths: Mapping[str, RecordedTruth]) -> RecordedTruth |
 
 
 def _parse_truth(row: Mapping[str, Any], *, on_board: bool) -> RecordedTruth:
-    """Read one; the autopilots' own logs count from the vehicle's boot."""
+    """Parse one; the autopilots' own logs count from the vehicle's boot."""
     events = tuple(
         TrueEvent(_parse_time_usec(event, on_board=on_board), str(event["what"])) for event in row["events"]
     )  # fmt: skip
@@ -78,7 +78,7 @@ def _parse_truth(row: Mapping[str, Any], *, on_board: bool) -> RecordedTruth:
         return RecordedTruth(kind, row["vehicle_silent"][0]["from_usec"], events)
     injected = [event for event in events if not _ROUTINE.search(event.what.split("(")[0])]
     if on_board and kind is FaultKind.LINK:
-        kind = None  # the vehicle's own log knows nothing of it
+        kind = None  # the vehicle's own log does not show it
     return RecordedTruth(kind, injected[0].t_usec if injected and kind is not None else None, events)
 
 

@@ -1,4 +1,4 @@
-"""The report of a measurement: one content as a page of the results, as JSON, and on a terminal."""
+"""The report of a measurement: the same content as a page of the results, as JSON, and on a terminal."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ class Table:
     columns: Sequence[str]
     rows: Rows
     title: str = ""
-    """Above it on a terminal, where one without a title is left out."""
+    """Heading on a terminal, where a table without a title is left out."""
     shown: int | None = None
     """Columns that fit on a terminal; all if None."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a measurement is shown and kept as."""
+    """Content of a measurement's output and files."""
 
     name: str
-    """Of its files."""
+    """Name of its files."""
     title: str
     content: Mapping[str, Any]
     parts: Sequence[str | Table]
-    """Of its page: paragraphs and tables; empty paragraphs are left out."""
+    """Paragraphs and tables of its page; empty paragraphs are left out."""
     lines: Sequence[str] = ()
-    """That follow the tables on a terminal."""
+    """Lines after the tables on a terminal."""
 
     def page(self) -> str:
         """Return the page."""
@@ -49,7 +49,7 @@ class Report:
         keep_result(self.name, self.content, self.page(), folder)
 
     def show(self) -> None:
-        """Print the tables and lines; the page where no table is for a terminal."""
+        """Print the tables and lines; the page if no table is for a terminal."""
         tables = [one for one in self.parts if isinstance(one, Table) and one.title]
         if not tables and not self.lines:
             print(self.page())
@@ -61,7 +61,7 @@ class Report:
 
 
 def _format_table(one: Table) -> table.Table:
-    """Return a table for the terminal, its figures to the right."""
+    """Return a table for the terminal, with its figures right-aligned."""
     shown = table.Table(title=one.title, title_justify="left")
     for number, column in enumerate(one.columns[: one.shown]):
         shown.add_column(column, justify="right" if number else "left")

@@ -1,8 +1,8 @@
-"""How long a flight of many hours is without its ground station when that dies and is taken up again.
+"""Time without a ground station when it dies after many hours of flight and is resumed.
 
-A simulated fleet is flown for some minutes and the ground station is killed, in the moment when its last checkpoint is
-oldest. Hours are put before the flight then: its own messages, with earlier times. What is measured is `faultline
-resume` as a crew calls it, from the call on.
+A simulated fleet flies for some minutes and the ground station is killed when its last checkpoint is oldest. Then hours
+are inserted before the flight: its own messages, with earlier times. The measurement is `faultline resume` as called by
+a crew, from the call on.
 """
 
 from __future__ import annotations
@@ -39,51 +39,51 @@ from executor.site.site_planning import DEFAULT, plan_site
 PLAN_S = 2.0
 PATIENCE_S = 300.0
 LOOK_S = 0.002
-"""How often the log and the loop are looked at."""
+"""Interval for checking the log and the loop."""
 SELDOM_S = 0.2
-"""How often it is looked whether the flight is old enough: a checkpoint is read for that."""
+"""Interval for checking whether the flight is old enough: each check reads a checkpoint."""
 WRITES = 20
-"""Checkpoints that are made to see how late the event loop is meanwhile."""
+"""Checkpoints written to measure the event loop's delay meanwhile."""
 PLAN = "plan-000.json"
 
 
 @dataclass(frozen=True, slots=True)
 class ResumedFlight:
-    """One flight, taken up again."""
+    """One resumed flight."""
 
     vehicles: int
     hours: float
     log_mb: float
     lines: int
     lines_after: int
-    """The checkpoint."""
+    """Log lines after the checkpoint."""
     checkpoint_kb: float
     write_ms: float
-    """Processor time of a thread for writing one, less what the disk takes."""
+    """Processor time of a thread for writing one, without the disk's time."""
     late_ms: float
-    """How late the event loop was meanwhile, at most."""
+    """Maximum delay of the event loop meanwhile."""
     heartbeat_s: float
-    """From the call until the links are open and our heartbeat goes out."""
+    """From the call until the links are open and the GCS heartbeat is sent."""
     charge_s: float
-    """Until the state is there and supervision goes on."""
+    """Until the state is loaded and supervision continues."""
     cpu_s: float
-    """Processor time of the process until then, loading the program included."""
+    """Processor time of the process until then, including loading the program."""
     asked_s: float
-    """Until every vehicle was asked what it carries."""
+    """Until every vehicle's mission on board has been requested."""
     ms_per_line: float
-    """Of reading a log without a checkpoint."""
+    """Time for reading one line of a log without a checkpoint."""
 
     @property
     def whole_s(self) -> float:
-        """What reading the whole log would take."""
+        """Estimated time for reading the whole log."""
         return 1e-3 * self.ms_per_line * self.lines
 
 
 def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: float, seed: int) -> ResumedFlight:
-    """Fly, kill, and take up again.
+    """Fly, kill, and resume.
 
     Raises:
-        BenchError: something that was waited for did not happen.
+        BenchError: an expected event did not occur.
     """
     with tempfile.TemporaryDirectory(prefix="faultline-resume-") as folder:
         base, run = Path(folder), Path(folder) / "run"
@@ -125,7 +125,7 @@ def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: floa
 
 @contextmanager
 def _run_resume(run: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Call `faultline resume`, and kill it in the end."""
+    """Run `faultline resume`, and kill it in the end."""
     command = [sys.executable, "-m", "executor", "resume", str(run), "--yes"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     try:
@@ -136,7 +136,7 @@ def _run_resume(run: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def _wait_for_line(process: subprocess.Popen[bytes], words: str) -> float:
-    """Return when a line was said."""
+    """Return when a line was printed."""
     for line in process.stderr or ():
         if words.encode() in line:
             return time.perf_counter()
@@ -152,7 +152,7 @@ def _wait_for(happened: Callable[[], bool], patience_s: float, what: str, every_
 
 
 def _is_old(run: Path, least_s: float) -> bool:
-    """Return whether a flight is so long, and its last checkpoint is as old as one gets."""
+    """Return whether a flight is long enough, and its last checkpoint as old as possible."""
     if not RunDirectory(run).events.exists():
         return False
     last_s, found = (
@@ -165,7 +165,7 @@ def _is_old(run: Path, least_s: float) -> bool:
 
 
 def _cpu_s(pid: int) -> float:
-    """Return the processor time that a process has had, as Linux tells it; 0 where it is not told."""
+    """Return the processor time used by a process, from Linux; 0 if unavailable."""
     with suppress(OSError):
         fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(") ")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # user and system
@@ -179,7 +179,7 @@ def _is_logged_after(run: Path, size: int, words: bytes) -> bool:
 
 
 def _per_line_ms(run: Path) -> float:
-    """Return what a line of a log costs that is read without a checkpoint."""
+    """Return the time per line of reading a log without a checkpoint."""
     known = resume_flight.read_resume_plan(run)
     if not isinstance(known, resume_flight.ResumePlan):
         raise BenchError("resume: expected a flight that was launched")
@@ -189,7 +189,7 @@ def _per_line_ms(run: Path) -> float:
 
 
 def _put_before(run: Path, hours: float) -> None:
-    """Put hours before a flight's log: what was heard in it, again and again; its checkpoints fit behind them."""
+    """Insert hours before a flight's log: its own messages, repeated; its checkpoints stay valid after them."""
     path = RunDirectory(run).events
     whole = path.read_bytes()
     head, body = whole.split(b"\n", 1)
@@ -220,7 +220,7 @@ def _put_before(run: Path, hours: float) -> None:
 
 
 async def _measure_write(checkpoint: Checkpoint, plan: bytes) -> tuple[bytes, float, float]:
-    """Return a checkpoint's file, the milliseconds that a thread needs for it, and how late the loop was meanwhile."""
+    """Return a checkpoint's file, the milliseconds a thread needs for it, and the loop's delay meanwhile."""
     late_ms = [0.0]
 
     def timed() -> tuple[bytes, float]:
@@ -233,7 +233,7 @@ async def _measure_write(checkpoint: Checkpoint, plan: bytes) -> tuple[bytes, fl
             await asyncio.sleep(LOOK_S)
             late_ms.append(1e3 * (time.perf_counter() - asked_s - LOOK_S))
 
-    await asyncio.to_thread(timed)  # what is made once
+    await asyncio.to_thread(timed)  # one-time work
     watching = asyncio.create_task(watch())
     made = [await asyncio.to_thread(timed) for _ in range(WRITES)]
     watching.cancel()
@@ -274,10 +274,10 @@ def resume_report(rows: list[ResumedFlight], content: dict[str, object]) -> str:
 def make_resume(
     counts: list[int], out: Path | None, *, minutes: float, hours: float, speedup: float, seed: int
 ) -> tuple[dict[str, object], str]:
-    """Measure, and write resume.md and resume.json where wanted; returns their content.
+    """Measure, and write resume.md and resume.json if requested; returns their content.
 
     Raises:
-        BenchError: something that was waited for did not happen.
+        BenchError: an expected event did not occur.
     """
     rows = [measure_resume(count, minutes=minutes, hours=hours, speedup=speedup, seed=seed) for count in counts]
     content: dict[str, object] = {

@@ -1,4 +1,4 @@
-"""The public failure scenarios: a day of a fleet as JSON, its losses, and what a solution of it must be."""
+"""The public failure scenarios: a fleet's day as JSON, its losses, and the rules for a solution."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from missions import format_first_error
 from missions.files import MOST_FIGURE, parse_json, read_text
 
 SAME_S = 1e-6
-"""Times nearer to each other than this are the same."""
+"""Values closer to each other than this are equal."""
 MOST_PLACES = 5_000
-"""The times between all places are a table."""
+"""Limit of places, for the travel time table."""
 
 Seconds = Annotated[float, Field(strict=True, ge=0, le=MOST_FIGURE, allow_inf_nan=False)]
 Place = Annotated[int, Field(strict=True)]
@@ -30,15 +30,15 @@ class _Part(BaseModel):
 
 
 class Failure(_Part):
-    """A vehicle, lost."""
+    """Loss of one vehicle."""
 
     vehicle: Annotated[int, Field(strict=True, ge=1)]
-    """Counted from 1."""
+    """Number from 1."""
     at: Seconds
 
 
 class Published(_Part):
-    """What its authors report: the last trip's end before and after the losses, and their re-planning time."""
+    """Figures reported by the authors: last trip's end before and after the losses, and their re-planning time."""
 
     before: float | None = None
     after: float | None = None
@@ -46,14 +46,14 @@ class Published(_Part):
 
 
 class Scenario(_Part):
-    """One scenario as its file has it; keys that are not named here are left alone."""
+    """One scenario as in its file; unknown keys are ignored."""
 
     name: Annotated[str, Field(min_length=1)]
     depots: Annotated[tuple[Place, ...], Field(min_length=1)]
     capacity: Seconds
     recharge: Seconds
     edges: tuple[tuple[Place, Place, Seconds, Annotated[int, Field(strict=True, ge=0, le=1)]], ...]
-    """Two places, the time between them, whether it is to be done."""
+    """Two places, the time between them, and whether it is required."""
     start: Annotated[tuple[Place, ...], Field(min_length=1)]
     failures: tuple[Failure, ...]
     initial: tuple[tuple[Annotated[tuple[Place, ...], Field(min_length=1)], ...], ...]
@@ -62,7 +62,7 @@ class Scenario(_Part):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Scenario:
-        """Check what concerns several keys."""
+        """Check constraints across keys."""
         for reason in (*self._list_misplaced(), *self._unfit_fleet(), *self._off_edges()):
             raise ValueError(reason)
         return self
@@ -103,7 +103,7 @@ class Scenario(_Part):
 
     @property
     def losses(self) -> tuple[Failure, ...]:
-        """The failures in the order of their times."""
+        """Failures in order of time."""
         return tuple(sorted(self.failures, key=lambda failure: failure.at))
 
 
@@ -146,7 +146,7 @@ def initial_timelines(scenario: Scenario, day: Day) -> tuple[Timeline, ...]:
 
 
 def solution_of(scenario: Scenario, history: Sequence[Sequence[Timeline]]) -> Json:
-    """Return a solution as its file has it: everybody's trips at the beginning and after each loss."""
+    """Return a solution as in its file: all vehicles' trips at the start and after each loss."""
     names = list(scenario.places)
 
     def trip(one: TimedTrip) -> Json:
@@ -162,7 +162,7 @@ def solution_of(scenario: Scenario, history: Sequence[Sequence[Timeline]]) -> Js
 
 
 def wrong_with(scenario: Scenario, day: Day, history: Sequence[Sequence[Timeline]]) -> Iterator[str]:
-    """Yield what a solution must not be, apart from the tasks that it leaves: rules of time and of knowledge."""
+    """Yield a solution's violations, apart from open tasks: rules of time and of information."""
     lost: set[int] = set()
     for failure, before, after in zip(scenario.losses, history, history[1:], strict=False):
         vehicle = failure.vehicle - 1

@@ -1,4 +1,4 @@
-"""How near any two vehicles in the air came, by where the simulator has them."""
+"""Minimum separation of any two vehicles in the air, from the simulator's positions."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ LOOKS_A_SECOND = 10
 
 @dataclass(slots=True)
 class SeparationWatch:
-    """The nearest two so far."""
+    """The closest two so far."""
 
     nearest_m: float = math.inf
     nearest: str = ""
-    """Who, and when."""
+    """Their names, and the time."""
     looks: int = 0
 
     def compare(self, places_m: Mapping[str, tuple[float, float, float]]) -> None:
-        """Take where everybody is who is in the air: east, north, up."""
+        """Take the positions of all vehicles in the air: east, north, up."""
         self.looks += 1
         for (one, one_m), (other, other_m) in itertools.combinations(places_m.items(), 2):
             apart_m = math.dist(one_m, other_m)

@@ -1,4 +1,4 @@
-"""One instance, one solver: the result as the scripts of others read it."""
+"""One instance, one solver: the result as external scripts read it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from planner import Cost, Result, Seconds
 
 
 class SingleResult(TypedDict):
-    """The keys of the JSON that one instance gives."""
+    """JSON keys of one instance's result."""
 
     value: float
-    """The cost function, in the instance's unit: length, or seconds."""
+    """Cost in the instance's unit: length, or seconds."""
     routes: list[list[int] | list[dict[str, int | bool]]]
     """For each vehicle cities by the file's numbers, depot left out; or segments with their direction."""
     seconds: float
@@ -24,7 +24,7 @@ class SingleResult(TypedDict):
     uncovered: list[int]
     """Cities or segments that no route visits."""
     bound: float | None
-    """What no such plan is better than; None where the solver proves nothing."""
+    """Proven lower bound of such plans; None if the solver proves nothing."""
     instance: str
     solver: str
 

@@ -1,4 +1,4 @@
-"""The planner's solvers behind one call, so that they can be measured in the same way."""
+"""The planner's solvers behind one call, to measure them all in the same way."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def run_solver(
     starts: int = 1,
     all_vehicles: bool = False,
 ) -> Result:
-    """Return what a solver finds; ``starts``, threads side by side, are the search's alone.
+    """Return a solver's result; ``starts``, parallel threads, apply to the search only.
 
     Raises:
         planner.PlannerError: the solver does not take the instance.

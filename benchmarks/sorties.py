@@ -1,9 +1,9 @@
-"""`faultline bench sorties`: a day of many sorties, flown with losses, bad packs and a ground station that dies.
+"""`faultline bench sorties`: a day of many sorties, flown with losses, bad packs and a dying ground station.
 
-Six vehicles stand at four bases of one network, with packs that are good for some segments each. Their day is planned
-as `plan --day` plans it and flown by the executor's own runtime in virtual time: a crew changes the packs and says so,
-some of the packs hold much less than they should, vehicles fall, and the ground station is killed and taken up again
-from what its checkpoint would hold. What came of it is held against the simulator's own places and charges.
+Six vehicles stand at four bases of one network, with packs that last for a few segments each. Their day is planned as
+by `plan --day` and flown by the executor's own runtime in virtual time: a crew swaps the packs and confirms it, some
+packs hold much less than they should, vehicles crash, and the ground station is killed and resumed from the contents of
+its checkpoint. The result is checked against the simulator's own positions and charges.
 """
 
 from __future__ import annotations
@@ -37,53 +37,54 @@ from simulator.config import SimVehicle
 from simulator.fleet import SimulatedVehicle
 
 LONGEST_S = 36_000.0
-"""Of a search whose iterations end it."""
+"""Time limit of a search that its iterations end."""
 VEHICLES = 6
 STANDS = ((0, 1), (2, 3), (4,), (5,))
-"""Whose base is which, the base with most to inspect around it first."""
+"""Vehicles of each base, the base with most to inspect around it first."""
 LOSSES = 3
 BAD_PCT = (18.0, 40.0)
-"""What packs hold that should be full: one is too poor for a sortie, the other one shortens it."""
+"""Charge of packs that should be full: one is too low for a sortie, the other shortens it."""
 FULL_PCT = 100.0
 DEATHS = 1
 MIDDLE = (0.1, 0.8)
-"""Of the planned day, in which losses and deaths come."""
+"""Part of the planned day in which losses and deaths occur."""
 PATIENT_S = 120.0
-"""How long vehicles fly on without a ground station."""
+"""Time for which vehicles fly on without a ground station."""
 APART_M, ON_PAD_M, LOW_M = 5.0, 5.0, 0.3
-"""Promised between any two in the air; how far from its own pad one may stand; below this it stands."""
+"""Required separation in the air; allowed distance from a vehicle's own pad on the ground; height below which it
+stands."""
 FALLS_M_S = 1.0
-"""Who comes down faster than this so near the ground does not stand there, but falls."""
+"""Descent speed near the ground above which a vehicle is falling, not standing."""
 END_SHARE = 0.1
-"""Of a segment, at both ends: where a vehicle may still be turning."""
+"""Share of a segment, at both ends, where a vehicle may still be turning."""
 ASIDE_M = 3.0
 EVERY = 5
-"""Of the looks at where everybody is, those that are kept: two a second."""
+"""Of all position samples, every how many-th is kept: two a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class SortiesOver:
-    """What is flown over, and with what."""
+    """Network and equipment of the flights."""
 
     network: Path | None = None
     """faultline's own if None."""
     radius_m: float | None = None
-    """About the network's middle: what is inspected; None for all of it."""
+    """Radius about the network's middle to inspect; None for all of it."""
     pack_ah: float = 2.0
-    """Good for some segments of faultline's own network, which is five kilometres wide."""
+    """Lasts for a few segments of faultline's own network, which is five kilometres wide."""
     speed_m_s: float = 1.2
-    """Of the inspection: slow, for pictures of every insulator."""
+    """Inspection speed: slow, for images of every insulator."""
     hours: int = 4
-    """Of the day, of which a plan takes a part."""
+    """Length of the day, of which a plan takes a part."""
     reach_m: float | None = None
-    """Each base stands where most is within this of it; None for the middles of the network's parts."""
+    """Each base has the most to inspect within this of it; None: in the centres of the network's parts."""
 
 
 OWN = SortiesOver()
 
 
 def sorties_over(network: Path | None, radius_m: float | None) -> SortiesOver:
-    """Return how a network is flown over: a large one in a working day of sorties of some fifty minutes."""
+    """Return the settings for a network: a large one in a working day of sorties of some fifty minutes."""
     if network is None:
         return SortiesOver(radius_m=radius_m)
     return SortiesOver(network, radius_m, pack_ah=6.5, speed_m_s=1.0, hours=8, reach_m=5000.0)
@@ -94,13 +95,13 @@ class SortiesCase(FlightCase):
     """One day to be flown."""
 
     iterations: int
-    """Of the search for its plan."""
+    """Iterations of the search for its plan."""
     over: SortiesOver = OWN
 
 
 @dataclass(frozen=True, slots=True)
 class SortiesDay:
-    """What became of it."""
+    """Result of one day."""
 
     number: int
     autopilot: str
@@ -109,51 +110,51 @@ class SortiesDay:
     planned_s: float
     """From the first take-off to the last landing."""
     losses: tuple[str, ...] = ()
-    """Who fell, and when."""
+    """Crashed vehicles, and times."""
     died_s: tuple[float, ...] = ()
-    """When the ground station did."""
+    """Times at which the ground station died."""
     bad_packs: tuple[str, ...] = ()
-    """Which packs were put in that hold too little, and what each was held for."""
+    """Bad packs installed, and the charge assumed for each."""
     sorties: int = 0
-    """Flown, by the simulator."""
+    """Flown sorties, in the simulator."""
     swaps: int = 0
     inspected: int = 0
     named: int = 0
-    """Segments that were not inspected and are named as left over."""
+    """Segments not inspected and named as left over."""
     unproven: tuple[int, ...] = ()
-    """Counted, and by the simulator nobody flew along them."""
+    """Segments that count although no vehicle flew along them in the simulator."""
     replans: int = 0
     least_pct: float = math.inf
-    """Held at any landing."""
+    """Lowest charge at any landing."""
     reserve_pct: float = 0.0
     below: tuple[str, ...] = ()
     """Landings below the reserve."""
     nearest_m: float = math.inf
     nearest: str = ""
     strays: tuple[str, ...] = ()
-    """Who stood away from its own pad."""
+    """Vehicles that stood away from their own pad."""
     mistakes: tuple[str, ...] = ()
-    """Lines of a mistake of the program's own."""
+    """Log lines of the program's own errors."""
     flown_s: float = 0.0
     took_s: float = 0.0
-    """Of real time."""
+    """Real time used."""
     wrong: str = ""
-    """Why there was no day, or it did not end."""
+    """Why there was no day, or why it did not end."""
 
 
 @dataclass(slots=True)
 class _Watched:
-    """Where everybody truly was."""
+    """True positions of all vehicles."""
 
     frame: LocalFrame
-    """Of the network: each vehicle has one of its own, about its pad."""
+    """Frame of the network: each vehicle has its own, about its pad."""
     pads_m: Mapping[str, tuple[float, float, float]]
     separation: SeparationWatch = field(default_factory=SeparationWatch)
     strays: dict[str, str] = field(default_factory=dict)
     tracks_m: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
 
     def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
-        """Keep where they are now; who has crashed falls where it falls."""
+        """Record present positions; a crashed vehicle falls where it is."""
         up: dict[str, tuple[float, float, float]] = {}
         for name, vehicle in vehicles.items():
             frame = vehicle.autopilot.frame
@@ -171,7 +172,7 @@ class _Watched:
         self.separation.compare(up)
 
     def flew_along(self, vehicle: str, begin_m: tuple[float, float], end_m: tuple[float, float]) -> bool:
-        """Return whether a vehicle was along all of a segment, between its ends."""
+        """Return whether a vehicle flew along all of a segment, between its ends."""
         length_m = math.dist(begin_m, end_m)
         along_m = []
         for place_m in self.tracks_m.get(vehicle, ()):
@@ -184,7 +185,7 @@ class _Watched:
 
 
 def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
-    """Return a site with six vehicles at four bases: in the middle of a network's parts, or where most is near."""
+    """Return a site with six vehicles at four bases: in the centres of a network's parts, or where most is near."""
     network = read_network(default_network_path(), radius_m=over.radius_m)
     frame, table = network.frame, {"file": "default"}
     if over.network is not None:
@@ -213,7 +214,7 @@ def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
 
 
 def fly_sorties(case: SortiesCase) -> SortiesDay:
-    """Plan a day, fly it, and hold it against the truth; the same case gives the same figures."""
+    """Plan a day, fly it, and check it against the truth; the same case gives the same figures."""
     ground = site_model.load_site_model(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
     content = solve_day(
         build_day_problem(ground),
@@ -240,7 +241,7 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
 
 
 class _Packs:
-    """What the crew has: full packs, and among the first ones some that hold too little."""
+    """The crew's packs: full ones, and among the first some that hold too little."""
 
     def __init__(self, names: Sequence[str], rng: np.random.Generator) -> None:
         self.given: dict[str, float] = {}
@@ -250,7 +251,7 @@ class _Packs:
         )
 
     def next(self, _: str) -> tuple[str, float]:
-        """Give the next pack."""
+        """Return the next pack."""
         number = next(self._numbers)
         held_pct = self._bad.get(number, FULL_PCT)
         self.given[f"P{number}"] = held_pct
@@ -258,13 +259,13 @@ class _Packs:
 
 
 def _patient(vehicle: SimVehicle) -> SimVehicle:
-    """Let a vehicle fly on while the ground station is away, which is for less than this."""
+    """Let a vehicle fly on while the ground station is away, which takes less than this."""
     names = {name: PATIENT_S for name in ("FS_GCS_TIMEOUT", "COM_DL_LOSS_T") if name in vehicle.parameters}
     return replace(vehicle, parameters={**vehicle.parameters, **names})
 
 
 def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
-    """Return where everybody stands in the morning: local east, north and up."""
+    """Return all vehicles' positions in the morning: local east, north and up."""
     setup = ground.setup
     return {pad.vehicle: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads}
 
@@ -273,7 +274,7 @@ def _judge_day(
     empty: SortiesDay, ground: SiteModel, flight: VirtualFlight, watched: _Watched, packs: _Packs,
     away_s: tuple[float, ...],
 ) -> SortiesDay:  # fmt: skip
-    """Hold a day against the simulator's places and charges."""
+    """Check a day against the simulator's positions and charges."""
     report, tracks_m, reserve_pct = flight.report, ground.setup.tracks_m.tolist(), ground.site.vehicle[0].reserve_pct
     landings = [truth for truth in flight.truths if truth.what == "landed" and truth.charge_pct is not None]
     counted = {row.segment: row.vehicle for row in report.inspections}
@@ -312,7 +313,7 @@ def _judge_day(
 
 
 def went_wrong(day: SortiesDay) -> list[str]:
-    """Return, line by line, what should not have come of a day."""
+    """Return a day's errors, line by line."""
     lines = [day.wrong] if day.wrong else []
     lines += [f"segment {segment} counts, and nobody flew along it" for segment in day.unproven]
     lines += [f"below its reserve of {day.reserve_pct:g} %: {landing}" for landing in day.below]

@@ -1,4 +1,4 @@
-"""Results on disk: each as soon as it is there, so that an interrupted run goes on where it was."""
+"""Results on disk, each written as soon as it exists, so that an interrupted run can continue."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Json = dict[str, Any]
 
 
 class Store:
-    """A directory with a JSON file for each result, kept with the settings that it was made with."""
+    """A directory with a JSON file for each result, stored with its settings."""
 
     def __init__(self, directory: Path, *, fresh: bool = False) -> None:
-        """Open or make the directory; ``fresh`` forgets what is in it.
+        """Open or make the directory; ``fresh`` deletes its contents.
 
         Raises:
             BenchError: it cannot be written.
@@ -32,11 +32,11 @@ class Store:
             raise BenchError(f"{directory}: expected a directory to write to: {error.strerror}") from error
 
     def find_result(self, key: str, settings: Mapping[str, object]) -> Json | None:
-        """Return a result that is there and was made with these settings."""
+        """Return an existing result with these settings."""
         try:
             content = json.loads(self._path(key).read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            return None  # none yet, or half a file of a run that was killed: it is made again
+            return None  # none yet, or a partial file of a killed run: it is made again
         same = isinstance(content, dict) and content.get("settings") == json.loads(json.dumps(settings))
         return content["result"] if same else None
 
@@ -46,7 +46,7 @@ class Store:
         return json.loads(json.dumps(result))  # type: ignore[no-any-return]  # a JSON object stays one
 
     def find_or_make(self, key: str, settings: Mapping[str, object], make: Callable[[], Json]) -> Json:
-        """Return a result that is there, or make and keep it."""
+        """Return an existing result, or make and keep it."""
         result = self.find_result(key, settings)
         return self.keep(key, settings, make()) if result is None else result
 
@@ -55,12 +55,12 @@ class Store:
 
 
 def write_result(path: Path, content: object) -> None:
-    """Write a file that is either whole or not there."""
+    """Write a file atomically: complete or not at all."""
     write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file that is either whole or not there.
+    """Write a file atomically: complete or not at all.
 
     Raises:
         BenchError: it cannot be written.

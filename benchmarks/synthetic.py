@@ -1,4 +1,4 @@
-"""Power-line networks that nobody built, of any size: for measuring how time and memory grow."""
+"""Synthetic power-line networks of any size, for measuring the growth of time and memory."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ SPAN_M = (200.0, 350.0)
 TRUNKS = 5
 """Lines that leave the substation at (0, 0)."""
 BRANCHES = 0.04
-"""Share of pylons at which another line begins."""
+"""Share of pylons where a branch line begins."""
 BENDS = 0.12
-"""Share of pylons at which the line turns."""
+"""Share of pylons where the line turns."""
 BEND_RAD = 0.35
-"""Standard deviation of such a turn."""
+"""Standard deviation of a turn."""
 
 
 def generate_network(segments: int, seed: int) -> FloatArray:
     """Return (n, 2, 2) float64, the end points in metres of the spans of a branching network about (0, 0).
 
-    Lines grow span by span in turn, bend now and then and send out branches. The same seed gives the same network,
-    and a smaller one is the begin of a larger.
+    Lines grow span by span in turn, with occasional bends and branches. The same seed gives the same network, and a
+    smaller one is the start of a larger.
     """
     chance = np.random.default_rng(seed)
     tips = [(0.0, 0.0, (2 * math.pi * (trunk + chance.uniform(0, 0.7))) / TRUNKS) for trunk in range(TRUNKS)]

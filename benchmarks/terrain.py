@@ -1,6 +1,6 @@
-"""What a large raster and a large network cost: seconds and memory of reading the ground, of a site, and of a plan.
+"""Cost of a large raster and a large network: seconds and memory for reading the ground, a site, and a plan.
 
-Each step is a process of its own, as a command is, so that its memory is what that command needs.
+Each step runs in its own process, like a command, so that its memory is what that command needs.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Axis = np.ndarray[tuple[int, ...], np.dtype[np.floating[Any]]]
 
 LAT_DEG, LON_DEG = 46.6, 10.4
 DEGREES = 1.0 / 3600.0
-"""A cell, as Copernicus GLO-30 has it."""
+"""Size of a cell, as in Copernicus GLO-30."""
 STRIP = 512
 LINES = 40
 SPAN_M = 150.0
@@ -43,26 +43,26 @@ SITE, RASTER, NETWORK = "site.toml", "Copernicus_DSM_COG_10_bench.tif", "lines.g
 
 @dataclass(frozen=True, slots=True)
 class MeasuredStep:
-    """One step in a process of its own."""
+    """One step in its own process."""
 
     name: str
     seconds: float
     processor_s: float
-    """Of all its threads; the time that others took is not in it."""
+    """Processor time of all its threads, excluding other processes."""
     peak_mb: float
-    """The largest memory that the process had resident."""
+    """Peak resident memory of the process."""
     found: str
-    """What came of it, in words."""
+    """Result of the step, in words."""
 
 
 def make_terrain(out: Path | None, *, spans: int, megacells: float, seconds: float) -> tuple[dict[str, object], str]:
-    """Measure, and write terrain.md and terrain.json if asked.
+    """Measure, and write terrain.md and terrain.json if requested.
 
     Args:
-        out: Directory for them.
-        spans: Of the network.
+        out: Directory for the files.
+        spans: Spans of the network.
         megacells: Millions of cells of the raster.
-        seconds: The solver's.
+        seconds: Time of the solver.
 
     Raises:
         BenchError: a step did not end.
@@ -133,7 +133,7 @@ def _hills_m(east_m: Axis, south_m: Axis) -> FloatArray:
 
 
 def write_lines(path: Path, spans: int) -> None:
-    """Write lines away from the depot into all directions, with a pole at the end of each span."""
+    """Write lines from the depot in all directions, with a pole at the end of each span."""
     frame, rng = LocalFrame(LAT_DEG, LON_DEG), np.random.default_rng(1)
     features: list[object] = []
     counts = [len(part) for part in np.array_split(np.arange(spans), LINES)]
@@ -163,7 +163,7 @@ def _step(folder: Path, kind: str, seconds: float) -> MeasuredStep:
 
 
 def measure_steps(folder: str, kind: str, seconds: str) -> None:
-    """Do one step in this process, and print it."""
+    """Run one step in this process, and print it."""
     base, begun_s = Path(folder), time.perf_counter()
     site = check_site(_site(), SITE)
     if kind == "network":

@@ -1,4 +1,4 @@
-"""TSPLIB city files: the part of the format that symmetric problems in the plane use."""
+"""TSPLIB city files: the subset of the format for symmetric problems in the plane."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ class Cities:
 
     name: str
     numbers: tuple[int, ...]
-    """What the file calls them."""
+    """Their numbers in the file."""
     places: FloatArray
     """(n, 2) float64."""
 
 
 def is_tsplib(path: Path) -> bool:
-    """Return whether a file's name says that it is one of TSPLIB's."""
+    """Return whether a file's name has TSPLIB's suffix."""
     return path.suffix.lower() == ".tsp"
 
 
 def read_tsplib(path: Path) -> Cities:
     """Read a .tsp file with coordinates in the plane (EDGE_WEIGHT_TYPE EUC_2D).
 
-    TSPLIB rounds EUC_2D distances to whole numbers; the min-max literature does not, and nor do the figures made from
-    what this returns.
+    TSPLIB rounds EUC_2D distances to whole numbers; the min-max literature does not, nor do the figures derived from
+    this result.
 
     Raises:
         BenchError: one line that names the file, the place in it and what was expected.
@@ -60,7 +60,7 @@ def read_tsplib(path: Path) -> Cities:
 
 
 def _parts(lines: list[str], path: Path) -> tuple[dict[str, str], list[tuple[int, str]]]:
-    """Return the keywords with their values, and the numbered lines of the coordinates."""
+    """Return the keywords with their values, and the numbered coordinate lines."""
     head: dict[str, str] = {}
     numbered = enumerate(lines, start=1)
     for _, line in numbered:

@@ -1,8 +1,8 @@
 """`faultline bench tune`: thresholds swept over recorded flights.
 
-Every threshold is moved alone, the others keep their values; for each value the flights are replayed, and what was
-declared is held against what was injected, or in logs that nobody planned against what the log states itself: how late
-each fault was found, and how many declarations were false.
+Each threshold is varied while the others keep their values; for each value the flights are replayed, and declarations
+are compared with the injected faults, or in logs without a truth with the log's own statements: detection delays, and
+numbers of false declarations.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from executor.replay.replay_result import Declaration, LogReplay
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
 LOOK_USEC = 500_000
-"""How often the few lines look, at least."""
+"""Maximum interval between two evaluations of the simple detector."""
 LONGEST_USEC = 120_000_000
-"""In a longer pause nothing is said any more that was not said before."""
+"""Pause in the log beyond which no new declaration is made."""
 THRESHOLDS = (LINK, "battery_excess_pct", "charge_excess_pct", "drain_slack", "voltage_step", "voltage_step_blind")
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """One log."""
+    """Score of one log."""
 
     false_alarms: int
     delays_s: tuple[float, ...]
-    """Of the faults that were found."""
+    """Delays of the detected faults."""
     faults: int
     flown_s: float
 
 
 Declared = Sequence[tuple[int, Declaration]]
-"""By system."""
+"""Declarations by system."""
 
 
 def _list_declarations(found: LogReplay) -> list[tuple[int, Declaration]]:
@@ -67,7 +67,7 @@ def _score_truth(said: Declared, truth: RecordedTruth, flown_s: float) -> Score:
 
 
 def _score_witnessed(said: Declared, told: Mapping[int, LogEvidence], link_timeout_s: float, flown_s: float) -> Score:
-    """Hold what was declared in a log that nobody planned against what it says itself."""
+    """Compare declarations with the statements of a log that has no truth."""
     false, faults = 0, 0
     delays: list[float] = []
     for system, one in said:
@@ -82,7 +82,7 @@ def _score_witnessed(said: Declared, told: Mapping[int, LogEvidence], link_timeo
 
 
 def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
-    """Return what the detector of a few lines declares in a log, each kind once, and how long it flew."""
+    """Return the simple detector's declarations in a log, each kind once, and the flight time."""
     opened = open_log(path)
     systems: dict[int, FewLines] = {}
     said: set[tuple[int, FaultKind]] = set()
@@ -115,10 +115,10 @@ class _Job:
 def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules, jobs: int = 1) -> list[ThresholdPoint]:
     """Replay all logs with every value of every threshold.
 
-    Logs that have a truth beside them are held against it, all others against what they state themselves.
+    Logs with a truth are compared with it, all others with their own statements.
 
     Raises:
-        LogError: no log has a truth, and none says anything of a vehicle.
+        LogError: no log has a truth, and none has data of a vehicle.
     """
     work = [_Job(path, truth_for(path, read_recorded_truths(path.parent)), rules) for path in paths]
     if jobs > 1:
@@ -149,7 +149,7 @@ def _settings(rules: ReplayRules) -> Iterator[tuple[str, float, float, ReplayRul
 
 
 def _swept(job: _Job) -> list[Score]:
-    """Return the scores of a log, and last those of the few lines; nothing where it says nothing."""
+    """Return the scores of a log, the last of the simple detector; empty for a log without data."""
     told = {} if job.truth is not None else read_log_evidence(job.path)
     if job.truth is None and not told:
         return []
@@ -189,7 +189,7 @@ def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> Th
 
 
 def print_tuning(paths: Sequence[Path], rules: ReplayRules, output: Path | None, *, as_json: bool) -> None:
-    """Sweep, print, and draw the picture where a folder for it is given."""
+    """Sweep, print, and draw the picture if its folder is given."""
     points = sweep_thresholds(paths, rules, os.cpu_count() or 1)
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)

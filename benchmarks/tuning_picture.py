@@ -1,4 +1,4 @@
-"""Detection delay against false alarms, for every threshold that was moved."""
+"""Detection delay against false alarms, for every swept threshold."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ class ThresholdPoint:
     found: int
     faults: int
     mean_delay_s: float | None
-    """Of the faults that were found."""
+    """Mean over the detected faults."""
     false_alarms: int
     flight_hours: float
 
     @property
     def false_per_hour(self) -> float:
-        """False alarms in a flight hour."""
+        """False alarms per flight hour."""
         return self.false_alarms / self.flight_hours if self.flight_hours else 0.0
 
 
 def draw_tuning(points: Sequence[ThresholdPoint], path: Path) -> None:
-    """Write the picture: left delay against false alarms, right how many faults were found by each value."""
+    """Draw the picture: left delay against false alarms, right the faults found at each value."""
     figure = Figure(figsize=(WIDTH_IN, 5.5), facecolor=PAPER)
     trade, found = figure.subplots(1, 2)
     for number, name in enumerate(dict.fromkeys(point.threshold for point in points)):

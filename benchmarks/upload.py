@@ -1,7 +1,7 @@
-"""Uploads over a bad link: faultline's own machine and MAVSDK's, to the same simulated vehicle, against the floor.
+"""Uploads over a bad link: faultline's own code and MAVSDK's, to the same simulated vehicle, against the lower bound.
 
-The vehicle loses and delays datagrams, each way. Without loss nothing can be faster than one round trip an item, as the
-vehicle asks for each when it has the one before.
+The vehicle loses and delays datagrams, each way. Without loss the minimum is one round trip per item, as the vehicle
+requests each item after it has the previous one.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from simulator.testing import ANY_PORT, fleet
 
 ITEMS, LOSSES, DELAYS_S = (10, 40, 200), (0.0, 0.05, 0.2), (0.0, 0.05, 0.3)
 AT_ONCE = 48
-"""Uploads over a slow or lossy link wait most of their time, so that many can be measured at once."""
+"""Parallel uploads: over a slow or lossy link they mostly wait, so many can be measured at once."""
 NAME, SYSID, LAT_E7, LON_E7 = "uav1", 11, 503_457_490, 133_252_440
 FIND_S = 60.0
 IDLE_S = 2.0
-"""Beyond the time after which a vehicle gives up an upload that has failed."""
+"""Time beyond the vehicle's time-out of a failed upload."""
 PINGS = 9
 WATCH_S = 0.02
 
@@ -60,14 +60,14 @@ TAIL = (
 
 @dataclass(frozen=True, slots=True)
 class UploadCase:
-    """What is uploaded, and over what."""
+    """Items of an upload, and its link."""
 
     autopilot: str
     items: int
     loss: float
     """Share of datagrams lost, each way."""
     delay_s: float
-    """Of every datagram, each way; the simulation delivers in steps of 50 ms."""
+    """Delay of every datagram, each way; the simulation delivers in steps of 50 ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +75,13 @@ class UploadTiming:
     """The uploads of one program in one cell."""
 
     accepted_s: tuple[float, ...]
-    """Real seconds of those that were accepted, from the first message to the acknowledgement."""
+    """Real seconds of accepted uploads, from the first message to the acknowledgement."""
     failures: tuple[str, ...]
-    """Why the others were not, in the words of the program."""
+    """Failure reasons of the others, in the program's words."""
 
     @property
     def median_s(self) -> float | None:
-        """The median of the accepted ones."""
+        """Median of the accepted uploads."""
         return statistics.median(self.accepted_s) if self.accepted_s else None
 
 
@@ -91,7 +91,7 @@ class Row:
 
     cell: UploadCase
     round_trip_s: float
-    """The delay, both ways, and what the fastest of several questions and their answers took without any."""
+    """Delay in both directions, plus the fastest of several requests and answers without any delay."""
     native: UploadTiming
     mavsdk: UploadTiming
 
@@ -107,7 +107,7 @@ class Attempt:
 
     seconds: float
     failure: str
-    """Empty when it was accepted."""
+    """Reason; empty if it was accepted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +117,11 @@ class Measured:
     rows: tuple[Row, ...]
     took_s: float
     longest_stall_s: float
-    """How long the process, with all the vehicles in it, was at most away from its work: the noise of these figures."""
+    """Longest stall of the process, with all vehicles in it: the noise of these figures."""
 
 
 def measure_cases(cells: Sequence[UploadCase], repeats: int, seed: int, said: Callable[[str], None]) -> Measured:
-    """Measure every cell; `said` is told how far it is."""
+    """Measure every cell; `said` receives the progress."""
     return asyncio.run(_measure(cells, repeats, seed, said))
 
 
@@ -148,7 +148,7 @@ async def _rows(cells: Sequence[UploadCase], repeats: int, seed: int, said: Call
     ended: dict[UploadCase, list[tuple[Attempt, Attempt]]] = {cell: [] for cell in cells}
     fast = [cell for cell in cells if not cell.loss and not cell.delay_s]
     slow = sorted((cell for cell in cells if cell not in fast), key=_expected_s, reverse=True)
-    for cell in fast:  # the computer's own speed counts here: one at a time
+    for cell in fast:  # depends on the computer's speed: one at a time
         for repeat in range(repeats):
             ended[cell].append(await _upload_with_both(cell, repeat, seed, room))
     gate = asyncio.Semaphore(AT_ONCE)
@@ -186,12 +186,12 @@ def _timing(attempts: Sequence[Attempt]) -> UploadTiming:
 async def _upload_with_both(
     cell: UploadCase, repeat: int, seed: int, room: asyncio.Semaphore
 ) -> tuple[Attempt, Attempt]:
-    """Upload by both programs to one vehicle, in turn the one or the other first."""
+    """Upload with both programs to one vehicle, alternating which is first."""
     dialect = dialect_for(cell.autopilot)
     async with _vehicle(cell.autopilot, cell.loss, cell.delay_s, seed + repeat) as connection:
         attempts: dict[str, Attempt] = {}
         for name in ("native", "mavsdk") if repeat % 2 == 0 else ("mavsdk", "native"):
-            # Not the same content twice: PX4 would ignore it.
+            # Different content each time: PX4 would ignore identical content.
             mission = _mission(dialect, cell.items, height_m=20.0 + len(attempts))
             if name == "native":
                 attempts[name] = await _upload_with_own(connection, dialect, mission)
@@ -210,7 +210,7 @@ async def _upload_with_own(connection: Connection, dialect: Dialect, items: tupl
         ended = await procedures.upload_once(links[NAME], clock, dialect, items)
         failure = ended.reason
         if failure and ended.furthest == len(items) - 1:
-            # As in flight: perhaps only the acknowledgement got lost, so what is on board decides.
+            # As in flight: perhaps only the acknowledgement was lost, so the mission on board decides.
             back = await run_dialogue(DownloadDialogue(), links[NAME], clock)
             failure = failure if find_mission_differences(items, back.items, dialect) else ""
         return Attempt(time.perf_counter() - began_s, failure)
@@ -224,7 +224,7 @@ async def _upload_with_mavsdk(connection: Connection, items: tuple[MissionItem, 
 
 
 async def _answer_s(autopilot: str, seed: int) -> float:
-    """Return how long a question and its answer take at least on a perfect link."""
+    """Return the minimum time of a request and its answer on a perfect link."""
     name, clock, taken_s = dialect_for(autopilot).ground_station_failsafe.timeout, SystemClock(1.0), list[float]()
     async with (
         _vehicle(autopilot, 0.0, 0.0, seed) as connection,
@@ -240,7 +240,7 @@ async def _answer_s(autopilot: str, seed: int) -> float:
 
 @asynccontextmanager
 async def _vehicle(autopilot: str, loss: float, delay_s: float, seed: int) -> AsyncIterator[Connection]:
-    """Run a simulated vehicle that stands on its pad behind a bad link; yields how it is reached."""
+    """Run a simulated vehicle on its pad behind a bad link; yields its connection."""
     vehicle = SimVehicle(NAME, SYSID, AutopilotKind(autopilot), ANY_PORT, LAT_E7 / 1e7, LON_E7 / 1e7, 300.0, seed=seed)
     async with fleet([vehicle], faults=[f"all:loss={loss}@0s", f"all:delay={delay_s}@0s"]) as living:
         yield Connection(Scheme.UDP_OUT, "127.0.0.1", living[0].port)
@@ -314,11 +314,11 @@ def measure_uploads(
     """Measure every combination on both autopilots; returns the content of upload.json and of upload.md.
 
     Args:
-        items: How many items a mission has.
+        items: Numbers of items of a mission.
         losses: Shares of datagrams lost, each way.
-        delays_s: Of every datagram, each way.
+        delays_s: Delays of every datagram, each way.
         repeats: Uploads of each program in each case.
-        seed: Of the losses.
+        seed: Seed of the losses.
     """
     cells = [UploadCase(kind.value, *case) for kind in AutopilotKind for case in product(items, losses, delays_s)]
     measured = measure_cases(

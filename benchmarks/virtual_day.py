@@ -1,4 +1,4 @@
-"""A day of several sorties in virtual time: its crew changes packs, vehicles fall, the ground station dies."""
+"""A day of several sorties in virtual time: its crew swaps packs, vehicles crash, the ground station dies."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from missions import DayPlanFile
 from simulator.fault_kinds import parse_fault
 
 AWAY_S = 15.0
-"""So long a ground station that has died is away."""
+"""Time for which a dead ground station is away."""
 PATIENCE_S = 10.0
-"""So long it waits for the first answer when it is back."""
+"""Time for which it waits for the first answer after its return."""
 FALLS_FROM_M = 10.0
 
 
 def round_trip_state(state: FleetState) -> FleetState:
-    """Return a state as it is once a checkpoint was made of it and read again."""
+    """Return a state after a round trip through a checkpoint."""
     return decode_body(encode_body(state, InheritedRecord()))[0]
 
 
 @dataclass(frozen=True, slots=True)
 class DayScenario:
-    """A day of several sorties, as its plan, its crew and its troubles have it."""
+    """A day of several sorties: plan, crew and failures."""
 
     day: DayPlanFile
     packs: Packs
-    """What the crew puts in, one after the other."""
+    """Packs that the crew installs, in order."""
     losses: Sequence[tuple[float, str]] = ()
-    """Seconds of the flight, and who is in the air then, or next, falls."""
+    """Flight time in seconds, and the vehicle that then crashes, as soon as it is in the air."""
     away_s: Sequence[float] = ()
-    """When the ground station dies, at a moment in which nothing is being planned."""
+    """Times at which the ground station dies, between re-plans."""
 
 
 class VirtualDay(VirtualRun):
-    """A day on its way: `fly_virtual` makes it with `make=partial(VirtualDay, scenario)`."""
+    """A day in progress: `fly_virtual` makes it with `make=partial(VirtualDay, scenario)`."""
 
     def __init__(self, scenario: DayScenario, *flight: Any) -> None:  # noqa: ANN401 - those of any other run
         """Prepare the day, and its crew."""
@@ -66,7 +66,7 @@ class VirtualDay(VirtualRun):
         return flight, await run_until(flight, until_s, reopened, PATIENCE_S)
 
     async def _run_until_absence(self, flight: Flight, at_s: float, reopened: Reopened | None) -> bool:
-        """Supervise until the ground station dies; returns whether everything was over before."""
+        """Supervise until the ground station dies; returns whether the day ended before."""
         flying = asyncio.create_task(flight.run(reopened, PATIENCE_S))
         try:
             await asyncio.wait({flying}, timeout=at_s - asyncio.get_running_loop().time())
@@ -85,7 +85,7 @@ class VirtualDay(VirtualRun):
             self._crash_vehicle(self._losses[0][1])
 
     def _crash_vehicle(self, name: str) -> None:
-        """Have a vehicle fall, once it is well in the air."""
+        """Crash a vehicle, once it is well in the air."""
         frame = self._vehicles[name].autopilot.frame
         if frame.crashed_s is None and frame.body.up_m > FALLS_FROM_M:
             del self._losses[0]

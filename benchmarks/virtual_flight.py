@@ -1,8 +1,8 @@
-"""One site flown in virtual time, as `faultline fly` would beside `faultline simulate`.
+"""One site flown in virtual time, as `faultline fly` would with `faultline simulate`.
 
 Interviews, missions on board, the flight loop, codec, dialogues, solver, report and vehicles are the product's own.
-What differs: datagrams go through memory, a re-plan takes the same time whatever the computer does, nobody is asked
-before the take-off, nothing is written, and what a loss would mean is not judged beside the flight.
+Differences: datagrams go through memory, a re-plan takes a fixed time on any computer, there is no confirmation before
+take-off, nothing is written, and consequences of a loss are not evaluated during the flight.
 """
 
 from __future__ import annotations
@@ -54,16 +54,16 @@ from simulator.truth import Truth
 from simulator.virtual_loop import run_virtual
 
 LIMIT_S = 3 * 3600.0
-"""A flight that takes longer than this is left: no pack lasts as long."""
+"""Time limit of a flight: no pack lasts as long."""
 STEP_S = 0.1
-"""Of the vehicles' lives between two looks at what they say."""
+"""Simulation time between two reads of the vehicles' output."""
 STANDS_S = 5.0
-"""After the end of the supervision the vehicles live on for so long: they disarm some seconds after they land."""
+"""Time for which the vehicles run on after supervision ends: they disarm some seconds after landing."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleOutcome:
-    """One vehicle in the end, by the simulator."""
+    """One vehicle's final state in the simulator."""
 
     charge_pct: float
     armed: bool
@@ -75,27 +75,27 @@ class VehicleOutcome:
 
 @dataclass(frozen=True, slots=True)
 class VirtualFlight:
-    """All that a flight left behind."""
+    """All results of a flight."""
 
     report: FlightReport
     context: Context
     state: FleetState
-    """At the end."""
+    """State at the end."""
     boards: Mapping[str, OnboardMission | None]
     """The first missions."""
     truths: tuple[Truth, ...]
-    """What really happened; times are seconds of the flight's clock."""
+    """True events; times are seconds of the flight's clock."""
     crafts: Mapping[str, VehicleOutcome]
     said: tuple[tuple[float, Say], ...]
     """The lines for the crew, by the flight's clock."""
     launched_s: float
-    """On the flight's clock."""
+    """Launch time on the flight's clock."""
     flown_s: float
     """From the launch to the end of the supervision."""
     ended: bool
-    """Whether the supervision came to its own end; otherwise it was left at the limit."""
+    """Whether the supervision ended regularly; otherwise it was stopped at the limit."""
     took_s: float
-    """Of real time."""
+    """Real time used."""
 
 
 EventCallback = Callable[[Context, Event, FleetState, float], None]
@@ -103,14 +103,14 @@ EventCallback = Callable[[Context, Event, FleetState, float], None]
 
 @dataclass(frozen=True, slots=True)
 class FlightObservers:
-    """Who looks on at a flight and changes nothing."""
+    """Observers of a flight, without any effect on it."""
 
     sink: EventSink = field(default_factory=NullEventSink)
     """Where events are written."""
     applied: EventCallback = lambda *_: None
-    """Called after every event with what does not change, the state and the flight's time."""
+    """Called after every event with the fixed context, the state and the flight's time."""
     lived: Callable[[Mapping[str, SimulatedVehicle]], None] = lambda _: None
-    """Called with the vehicles after every step of their lives."""
+    """Called with the vehicles after each of their steps."""
 
 
 def fly_virtual(
@@ -126,21 +126,20 @@ def fly_virtual(
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
 
-    The same arguments give the same flight. A vehicle flies again as the site's `fly_again` says; nobody answers
-    offers.
+    The same arguments give the same flight. A vehicle flies again as the site's `fly_again` says; offers get no answer.
 
     Args:
-        ground: The site; its speedup is taken to be 1.
+        ground: The site; its speedup is ignored and counts as 1.
         plan: Over all of its segments, for its vehicles.
-        faults: As ``--fault`` takes them: ``uav2:crash@300s``.
-        seed: Of the links' chance.
+        faults: As for ``--fault``: ``uav2:crash@300s``.
+        seed: Seed of the links.
         craft: Changes a simulated vehicle: its charge, its pack, the wind.
-        onlookers: Who looks on.
-        limit_s: Of the flight's time after the launch.
+        onlookers: The observers.
+        limit_s: Limit of flight time after the launch.
         make: Makes another run than the plain one, from the same six.
 
     Raises:
-        SimulatorError: a fault or the radio cannot be read, or a fault names nobody.
+        SimulatorError: a fault or the radio cannot be parsed, or a fault names no vehicle.
         PreflightFailed: a vehicle does not become ready.
         FlightNotFlown: the checklist stops the flight.
     """
@@ -153,7 +152,7 @@ def fly_virtual(
 
 
 class SilentConsole:
-    """A console that nobody looks at."""
+    """A console without output."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         """Show nothing."""
@@ -162,18 +161,18 @@ class SilentConsole:
         """Show nothing."""
 
     async def ask(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
-        """Say yes."""
+        """Answer yes."""
         return True
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         """Show nothing."""
 
     def stop_drawing(self) -> None:
-        """There is nothing to end."""
+        """There is nothing to stop."""
 
 
 class VirtualRun(MemoryFlight):
-    """A flight on its way."""
+    """A flight in progress."""
 
     step_s = STEP_S
 
@@ -182,9 +181,9 @@ class VirtualRun(MemoryFlight):
         craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, *, day: DayPlanFile | None = None,
         radio: str = "",
     ) -> None:  # fmt: skip
-        """Prepare; the arguments are those of `fly_virtual`, and the day whose first sorties the plan is.
+        """Prepare; the arguments are those of `fly_virtual`, and the day that begins with the plan's sorties.
 
-        `radio` is as ``--radio`` takes it.
+        `radio` is as for ``--radio``.
         """
         self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
         self._onlookers = onlookers
@@ -209,7 +208,7 @@ class VirtualRun(MemoryFlight):
         self._launched_s = 0.0
 
     async def _upload_fences(self, context: Context, first: Mapping[str, Fence]) -> None:
-        """Put the fences on board, with the parameters that they need; a day's are looked at after every boot."""
+        """Upload the fences and set the parameters they need; a day's fences are checked after every boot."""
         if not first and self._order.day is None:
             return
         links = self.links
@@ -254,7 +253,7 @@ class VirtualRun(MemoryFlight):
         )  # fmt: skip
 
     async def _supervise(self, context: Context, state: FleetState, until_s: float) -> tuple[Flight, bool]:
-        """Fly; returns the flight loop that was the last, and whether it came to its end."""
+        """Supervise; returns the last flight loop, and whether it ended regularly."""
         flight = self._begin_loop(context, state)
         return flight, await run_until(flight, until_s)
 

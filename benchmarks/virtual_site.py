@@ -1,4 +1,4 @@
-"""A site for a flight in virtual time: nothing of it is a file but the network."""
+"""A site for a flight in virtual time: only the network is a file."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from executor.site.site_model import SiteModel
 from missions import Network, PlanFile, default_network_path, estimate, read_network
 
 FIRST_PORT = 20_000
-"""Nobody opens these."""
+"""First port; none is opened."""
 EVERYTHING_M = 1e6
 SIZED_PCT = 0.01
 MOST_TRIES = 50
 AMPLE_AH = 1e4
-"""A battery that no route empties, until the one that is flown with is chosen."""
+"""A battery that no route empties, until the real one is chosen."""
 
 
 def build_virtual_site(
@@ -33,18 +33,18 @@ def build_virtual_site(
     same_distance: bool = False,
     tables: Mapping[str, object] = MappingProxyType({}),
 ) -> SiteModel:
-    """Return what is known of a simulated fleet over a network before anybody flies.
+    """Return the site of a simulated fleet over a network, as known before the flight.
 
-    A network that does not know its heights is taken to be flat, and no permit is needed for any height.
+    A network without heights counts as flat, and no permit is needed for any height.
 
     Args:
         network: GeoJSON or a graph file; None for faultline's own.
         radius_m: Only segments within this of the depot; None for all.
-        vehicles: How many.
-        autopilot: Which they all have.
-        wind_m_s: Where the air moves to, east and north.
-        capacity_ah: Of the batteries; None for the usual ones.
-        same_distance: Whether everybody inspects at the asked distance where nobody else's way crosses.
+        vehicles: Number of vehicles.
+        autopilot: Autopilot of all vehicles.
+        wind_m_s: Direction of the air's motion, east and north.
+        capacity_ah: Of the batteries; None for the default.
+        same_distance: Whether all vehicles inspect at the requested distance where no other vehicle's path crosses.
         tables: More tables of the site file.
 
     Raises:
@@ -92,18 +92,18 @@ def with_budgets(ground: SiteModel, budget_pct: float) -> SiteModel:
 
 
 def dearest_route_pct(ground: SiteModel, plan: PlanFile) -> float:
-    """Return what the dearest route of a plan takes as it is flown, with its climb and its landing."""
+    """Return the consumption of a plan's most expensive route as flown, with its climb and its landing."""
     paths = site_model.build_paths(ground.setup, plan.network_routes)
     models = site_model.build_pricing(ground).models
     return max(estimate(path, models[name]).energy_pct for name, path in paths.items())
 
 
 def size_batteries(ground: SiteModel, plan: PlanFile, uses_pct: float) -> SiteModel:
-    """Return the same site with batteries of which the dearest route of a plan takes this share."""
+    """Return the same site with batteries of which the most expensive route of a plan uses this share."""
     for _ in range(MOST_TRIES):
         takes_pct = dearest_route_pct(ground, plan)
         if abs(takes_pct - uses_pct) < SIZED_PCT:
             break
-        # A small battery gives less at the same power, so that this is no simple proportion.
+        # A small battery delivers less at the same power, so the relation is not proportional.
         ground = with_capacity(ground, ground.drone.capacity_ah * takes_pct / uses_pct)
     return ground

@@ -1,4 +1,4 @@
-"""The kernels of sorties, loaded before anything is timed."""
+"""Load the sortie kernels before any timing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from planner.sorties import SortieBase, SortieInstance, SortieVehicle, solve_sor
 
 
 def warm_up_sorties(starts: int = 1) -> None:
-    """Load the search's kernels, compiling them if no process has before, and start its threads once."""
+    """Load the search's kernels, compiling them if they are not cached, and start its threads once."""
     ones = np.ones((1, 1, 4))
     instance = SortieInstance(
         moves=MoveTables(np.ones((1, 4, 4)), np.ones((1, 4, 4))),

@@ -1,7 +1,7 @@
-"""`faultline bench window`: whether a plan keeps what its re-plan window claims, flown.
+"""`faultline bench window`: fly to check whether a plan keeps the claim of its re-plan window.
 
-A plan is chosen for its window; then vehicles are lost at random times after the claimed one, and each such flight is
-flown in virtual time to its end. It has kept the claim if everything was inspected and everybody else stands at home
+A plan is chosen for its window; then vehicles are lost at random times after the claimed one, and each flight runs in
+virtual time to its end. It has kept the claim if everything was inspected and every other vehicle stands on its pad
 with the reserve still in the battery.
 """
 
@@ -27,36 +27,36 @@ from planner import Cost
 
 KINDS = ("crash", "silent")
 BUDGET_PCT = 28.0
-"""Of a full battery, as the paper's fleet has it: whole percents are much of it."""
+"""Share of a full battery, as for the paper's fleet, where whole percents matter."""
 HOME_M = 5.0
-"""Nearer to its pad than this a vehicle stands on it."""
+"""Distance within which a vehicle stands on its pad."""
 FIRST_S = 10.0
-"""No loss is earlier: by then everybody is on its way."""
+"""Earliest loss: by then every vehicle is in flight."""
 BEST_SHARE = 0.25
-"""Of the solver's time for the best MinMax plan, which says how large the batteries are."""
+"""Share of the solver's time for the best MinMax plan, which sets the size of the batteries."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindowSettings:
-    """What is claimed, and how it is tried."""
+    """The claim, and how it is tested."""
 
     network: Path | None
     radius_m: float | None
     autopilot: str
     vehicles: int = 4
     tightness: float = 0.85
-    """What the best MinMax plan's dearest route takes of the budget."""
+    """Share of the budget that the best MinMax plan's most expensive route uses."""
     budget_pct: float = BUDGET_PCT
     seconds: float = 20.0
-    """The solver's time for the plan."""
+    """Solver time for the plan."""
     seed: int = 1
     starts: int = 0
-    """Searches side by side."""
+    """Parallel searches."""
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A plan and what it claims."""
+    """A plan and its claim."""
 
     ground: SiteModel
     plan: PlanFile
@@ -66,40 +66,40 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class RandomLoss:
-    """One vehicle, lost."""
+    """Loss of one vehicle."""
 
     number: int
     vehicle: str
     kind: str
     at_s: float
-    """Since it began its mission."""
+    """Time since it began its mission."""
 
     @property
     def spec(self) -> str:
-        """As ``--fault`` takes it."""
+        """Fault as for ``--fault``."""
         return f"{self.vehicle}:{self.kind}@{self.at_s:g}s"
 
 
 @dataclass(frozen=True, slots=True)
 class LossOutcome:
-    """What became of one flight."""
+    """Result of one flight."""
 
     loss: RandomLoss
     finished: bool
-    """Everything inspected, and everybody else at home above the reserve."""
+    """Everything inspected, and every other vehicle on its pad above the reserve."""
     wrong: tuple[str, ...]
-    """Why it is not."""
+    """Reasons if it is not."""
     uncovered: tuple[int, ...]
     """Ids of the segments that its report names as left over."""
     named: bool
     """Whether a re-plan, or a line for the crew, names each of them."""
     least_pct: float
-    """The least that a survivor landed with."""
+    """Lowest charge of a survivor at landing."""
     flown_s: float
 
 
 def plan_claim(settings: WindowSettings) -> Claim:
-    """Plan for the largest window, with batteries of such a size that budgets are as tight as asked.
+    """Plan for the largest window, with batteries sized for the requested tightness of budgets.
 
     Raises:
         MissionsError: the network cannot be used.
@@ -124,9 +124,9 @@ def plan_claim(settings: WindowSettings) -> Claim:
 
 
 def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list[RandomLoss]:
-    """Draw losses of vehicles that still fly: after the claimed time, to the end of the longest route, or before it.
+    """Draw losses of vehicles in flight: after the claimed time, to the end of the longest route, or before it.
 
-    There are none where that is no time at all.
+    There are none if that interval is empty.
     """
     rng = np.random.default_rng([seed, 23, int(before)])
     low_s, high_s = (FIRST_S, claim.earliest_s) if before else (max(FIRST_S, claim.earliest_s), claim.longest_s)
@@ -143,9 +143,9 @@ def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list
 
 
 def fly_losses(claim: Claim, drawn: Sequence[RandomLoss], *, jobs: int = 1, seed: int = 0) -> list[LossOutcome]:
-    """Fly each loss; the same always gives the same. What they share, the time before the first one, is flown once.
+    """Fly each loss reproducibly. The common part, the time before the first loss, is flown once.
 
-    A process that has planned may not: it has had threads, and is forked here.
+    A process that has planned must not call this: it has had threads, and is forked here.
     """
     branches = [Branch(loss.vehicle, loss.at_s, loss.spec) for loss in drawn]
     return fly_branches(
@@ -155,7 +155,7 @@ def fly_losses(claim: Claim, drawn: Sequence[RandomLoss], *, jobs: int = 1, seed
 
 
 def judge_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
-    """Hold a flight against the claim, by the simulator's truth where it knows better."""
+    """Check a flight against the claim, by the simulator's truth where that is better."""
     report, reserves = flight.report, {name: one.reserve_pct for name, one in flight.context.vehicles.items()}
     survivors = {name: craft for name, craft in flight.crafts.items() if name != loss.vehicle}
     wrong = []
@@ -179,7 +179,7 @@ def judge_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One plan, and what became of its losses."""
+    """One plan, and the results of its losses."""
 
     settings: WindowSettings
     claim: Claim
@@ -200,14 +200,14 @@ def try_plans(
     plans: Sequence[WindowSettings], after: int, before: int, jobs: int,
     told: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Trial]:  # fmt: skip
-    """Choose plans, and lose vehicles of each of them in equal parts.
+    """Choose plans, and distribute losses evenly over them.
 
     Args:
-        plans: What is claimed.
-        after: Losses after the claimed times, in all.
+        plans: The claims.
+        after: Losses after the claimed times, in total.
         before: Losses before them.
-        jobs: Processes side by side.
-        told: Told how many plans are done, of how many.
+        jobs: Parallel processes.
+        told: Receives the number of finished plans, and the total.
 
     Raises:
         MissionsError: the network cannot be used.
@@ -219,7 +219,7 @@ def try_plans(
         late = losses(claim, _part(after, number, len(plans)), settings.seed + number)
         early = losses(claim, _part(before, number, len(plans)), settings.seed + number, before=True)
         order = _Order(settings, claim, (*late, *early), len(late), jobs)
-        # Always in a process of its own: what it is forked from must not have had threads.
+        # Always in its own process: the forked process must never have had threads.
         with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
             trials.append(pool.submit(_flown, order).result())
         told(number + 1, len(plans))

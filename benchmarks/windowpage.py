@@ -1,4 +1,4 @@
-"""What `faultline bench window` shows: on a terminal, as JSON, and as a page of the results."""
+"""Output of `faultline bench window`: on a terminal, as JSON, and as a page of the results."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the project is built and checked with; nothing of it is installed."""
+"""Build and check scripts of the project; none is installed."""

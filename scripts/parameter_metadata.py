@@ -21,24 +21,24 @@ from missions.autopilots.dialect import AUTOPILOTS, Dialect, dialect_for
 
 
 class MetadataError(ValueError):
-    """A file is no metadata of an autopilot."""
+    """A file is no autopilot metadata."""
 
 
 @dataclass(slots=True)
 class Use:
-    """What the program takes for granted of one parameter."""
+    """The program's assumptions about one parameter."""
 
     values: set[int] = field(default_factory=set)
-    """Those that have words here."""
+    """Values with words here."""
     masks: set[int] = field(default_factory=set)
-    """Bits that are asked for."""
+    """Bits in use."""
     default: float | None = None
     most: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a release says of one parameter."""
+    """A release's description of one parameter."""
 
     values: Mapping[int, str]
     bits: Mapping[int, str]
@@ -48,7 +48,7 @@ class Meaning:
 
 
 def list_uses(dialect: Dialect) -> dict[str, Use]:
-    """Return every parameter of an autopilot that is read or set, by the name that is used here."""
+    """Return every parameter of an autopilot that is read or set, by its name here."""
     uses: defaultdict[str, Use] = defaultdict(Use)
     link, battery, fence, back = (
         dialect.ground_station_failsafe, dialect.battery_failsafe, dialect.geofence, dialect.return_parameters,
@@ -81,10 +81,10 @@ def list_uses(dialect: Dialect) -> dict[str, Use]:
 
 
 def read_metadata(path: Path) -> dict[str, Meaning]:
-    """Return what a release says of its parameters, by their names.
+    """Return a release's parameters, by name.
 
     Raises:
-        MetadataError: the file cannot be read, or is something else.
+        MetadataError: the file cannot be read, or has another format.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -124,7 +124,7 @@ def _numbered(words: Mapping[str, str]) -> Iterator[tuple[float, str]]:
 
 
 def find_differences(dialect: Dialect, release: Mapping[str, Meaning]) -> list[str]:
-    """Return what of an autopilot's tables a release does not bear out, one line each."""
+    """Return mismatches between an autopilot's tables and a release, one line each."""
     return [line for name, use in list_uses(dialect).items() for line in _hold(dialect, name, use, release)]
 
 
@@ -132,7 +132,7 @@ def _hold(dialect: Dialect, name: str, use: Use, release: Mapping[str, Meaning])
     other = dialect.other_names.get(name)
     names = (name,) if other is None else (name, other.name)
     on_board = next((one for one in names if one in release), None)
-    # What an older firmware has, in whose place this one has something else, need not be there.
+    # A parameter of older firmware, replaced by another here, need not be there.
     if on_board is None and name in {early.without for early in dialect.battery_failsafe.early}:
         return
     if on_board is None:
@@ -150,7 +150,7 @@ def _hold(dialect: Dialect, name: str, use: Use, release: Mapping[str, Meaning])
 
 
 def find_changes(dialect: Dialect, before: Mapping[str, Meaning], after: Mapping[str, Meaning]) -> list[str]:
-    """Return what two releases say differently of the parameters that are read or set, one line each."""
+    """Return differences between two releases in the parameters that are read or set, one line each."""
     found = []
     for name in list_uses(dialect):
         other = dialect.other_names.get(name)
@@ -171,7 +171,7 @@ def _describe(meaning: Meaning | None) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Say what differs; returns 1 if anything does, 2 where a file is no metadata."""
+    """Print differences; returns 1 if there are any, 2 if a file is no metadata."""
     parser = argparse.ArgumentParser(prog="python -m scripts.parameter_metadata", description=__doc__)
     parser.add_argument("autopilot", choices=[dialect.name for dialect in AUTOPILOTS])
     parser.add_argument("metadata", type=Path, help="PX4's parameters.json or ArduPilot's apm.pdef.json")

@@ -14,12 +14,12 @@ from simulator.physics import HARD_LANDING_M_S, Body, Limits, Place, PositionDri
 
 AIRBORNE_M = 0.3
 SETTLES_M_S = 8.6
-"""Impact speed of a fall from just under 4 m, which a vehicle with killed motors survives."""
+"""Impact speed that a vehicle with killed motors survives: a fall from just under 4 m."""
 WRECK_ROLL_RAD = math.radians(170.0)
 WRECK_UP_M = 0.1
-"""Height that a wrecked vehicle reports."""
+"""Height reported by a wrecked vehicle."""
 IDLE_DISARM_S = 10.0
-"""Idle time on the ground after which it disarms: DISARM_DELAY, COM_DISARM_PRFLT."""
+"""Idle time on the ground until it disarms: DISARM_DELAY, COM_DISARM_PRFLT."""
 
 
 PAD = Place(0.0, 0.0, 0.0)
@@ -28,7 +28,7 @@ PLAIN_CLIMB = Climb(PAD, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that really happened, in the words of ``Truth``."""
+    """A true event, named as in ``Truth``."""
 
     what: str
     t_s: float
@@ -40,7 +40,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class AirframeSettings:
-    """What the autopilot asks of the airframe."""
+    """The autopilot's settings of the airframe."""
 
     limits: Limits
     spool_s: float
@@ -96,14 +96,14 @@ class Airframe:
 
     @property
     def air_speed_m_s(self) -> float:
-        """Horizontal speed through the air: over ground it flies as it is told, whatever the wind."""
+        """Horizontal speed through the air: it holds its ground speed in any wind."""
         if self.body.on_ground:
             return 0.0
         east, north = self._wind_m_s
         return math.hypot(self.body.v_east_m_s - east, self.body.v_north_m_s - north)
 
     def achieved_speed_m_s(self, asked_m_s: float) -> float:
-        """Return the speed over ground that it flies at when it is asked for one."""
+        """Return the actual ground speed for a requested one."""
         return self._reaches * asked_m_s
 
     @property
@@ -121,11 +121,11 @@ class Airframe:
 
     @property
     def takeoff_end(self) -> Place | None:
-        """Where the last take-off was to end, until another kind of flight begins; the next leg begins there."""
+        """Planned end of the last take-off, until another kind of flight begins; the next leg starts there."""
         return self._climbed_to if self.climbing_out else None
 
     def step(self, now_s: float, dt_s: float) -> None:
-        """Live for ``dt_s``, until ``now_s``."""
+        """Run for ``dt_s``, until ``now_s``."""
         self._now_s = now_s
         self.battery.step(dt_s, motors=self.motors_on, speed_m_s=self.air_speed_m_s, climb_m_s=self.body.v_up_m_s)
         self.highest_m = max(self.highest_m, self.body.up_m)
@@ -144,7 +144,7 @@ class Airframe:
             self.record_event("armed")
 
     def disarm(self) -> None:
-        """Stop the motors; in the air that is a fall."""
+        """Stop the motors; in the air it falls."""
         if not self.armed:
             return
         if not self.body.on_ground and not self.wrecked:
@@ -154,7 +154,7 @@ class Airframe:
         self.pilot.fly([])
 
     def kill(self) -> None:
-        """Stop the motors and be disarmed at once, wherever it is: from three metres it comes down whole."""
+        """Stop the motors and disarm at once in any state: it survives a fall from three metres."""
         if not self.armed:
             return
         self._falling = not self.body.on_ground and not self.wrecked
@@ -163,13 +163,13 @@ class Airframe:
         self.pilot.fly([])
 
     def damage(self, *, lost_thrust: float, turns_over: bool) -> None:
-        """Lose a share of its thrust; or fall, and lie on its back, with the motors on if it was not disarmed."""
+        """Lose a share of thrust; or fall and end on its back, with the motors on if it was not disarmed."""
         self.body.lost_thrust = lost_thrust
         if turns_over:
             self._turns_over = self._falling = True
 
     def put_on_pad(self) -> None:
-        """Stand on its pad as if nothing had been, as a simulator does that is restarted."""
+        """Reset it on its pad, as a restarted simulator does."""
         self._falling = self.wrecked = self._turns_over = self._stops = False
         self.crashed_s, self.body.lost_thrust = None, 0.0
         self.body.east_m = self.body.north_m = self.body.up_m = 0.0
@@ -178,7 +178,7 @@ class Airframe:
         self.record_event("on_pad")
 
     def lose_thrust(self) -> None:
-        """Fall; on the ground, break down. Who lies destroyed has nothing to lose, and no last words again."""
+        """Fall; on the ground, break down. A destroyed vehicle does not crash or report again."""
         if self.crashed_s is not None:
             return
         if self.body.on_ground:
@@ -187,16 +187,16 @@ class Airframe:
             self._falling = True
 
     def record_event(self, what: str, sender: int | None = None) -> None:
-        """Note an event, or an order of a system."""
+        """Record an event, or a command of a system."""
         self._events.append(Event(what, self._now_s, sender, self.body.place, self.battery.charge_pct))
 
     def drain_events(self) -> list[Event]:
-        """Take away what happened."""
+        """Remove and return the events."""
         events, self._events = self._events, []
         return events
 
     def take_off(self, up_m: float, climb_m_s: float, slow_m_s: float = math.inf) -> Iterator[Goal]:
-        """Yield a vertical take-off to a height, with a lower speed near the ground if its manners have it so."""
+        """Yield a vertical take-off to a height, slower near the ground if the settings require it."""
         self.climbing_out = True
         self._climbed_to = Place(self.body.east_m, self.body.north_m, up_m)
         if self.body.on_ground:
@@ -204,7 +204,7 @@ class Airframe:
         yield replace(self._manners.climb, place=self._climbed_to, speed_m_s=climb_m_s, slow_m_s=slow_m_s)
 
     def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land, to: Place = PAD) -> Iterator[Goal]:
-        """Yield the way home: climb if need be, straight to the pad or a rally point, linger, land."""
+        """Yield the return: climb if needed, fly straight to the pad or a rally point, linger, land."""
         self.climbing_out = False
         here = find_stopping_place(self.body, self._manners.limits)
         if not self.body.on_ground:
@@ -255,7 +255,7 @@ class Airframe:
             self._airborne = True
             self.record_event("took_off")
         if self.body.lost_thrust and self._airborne and self.body.on_ground and self._ground_s == 0.0 and not lands:
-            self._rest_on_back()  # its motors turn on, and no autopilot takes that for a landing
+            self._rest_on_back()  # its motors are on, and no autopilot detects a landing
             return
         rests = self.body.on_ground and not isinstance(self.pilot.goal, SpoolUp | Climb)
         if rests and self._airborne and self._ground_s == 0.0:

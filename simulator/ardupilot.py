@@ -1,4 +1,4 @@
-"""ArduPilot Copter 4.7-dev as measured: modes, arming, failsafes, what it reports."""
+"""ArduPilot Copter 4.7-dev as measured: modes, arming, failsafes, reports."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LIMITS = Limits(accelerate_m_s2=1.5, brake_m_s2=2.0, climb_m_s=2.5, descend_m_s=
 MANNERS = AirframeSettings(LIMITS, spool_s=3.0, disarm_landed_s=2.2)
 SINK_M_S = 2.5
 SILENT_BATTERY_S = 2.0
-"""After boot SYS_STATUS says 0 V, -1, -1: no fault."""
+"""Time after boot in which SYS_STATUS reports 0 V, -1, -1: no fault."""
 SENSORS_BOOT = (0x5371FC0F, 0x52419C0F, 0x47519C0F)
 SENSORS_IDLE = (0x5371FC2F, 0x53619C2F, 0x57719C2F)
 SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
@@ -45,7 +45,7 @@ EKF_BOOT = 1024
 """Flags of EKF_STATUS_REPORT: 'uninitialised'."""
 LOW, CRITICAL = 1, 2
 MOST_SLOW_S = 2.0
-"""Largest delay that a full radio adds to every stream's interval."""
+"""Maximum delay that a full radio adds to every stream's interval."""
 EMERGENCY_PCT = 8.0
 """Charge left by the emergency fault: enough to land."""
 DEV = 0
@@ -72,7 +72,7 @@ STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOL
 """Modes that sink in the air without a remote control, as the throttle is low."""
 ARMABLE = frozenset({*STICK_MODES, Mode.GUIDED})
 FS_LAND, FS_RTL = 1, frozenset({2, 3, 4})
-"""BATT_FS_*_ACT; SmartRTL has no path to follow here and is RTL."""
+"""BATT_FS_*_ACT; SmartRTL has no path to follow here and acts as RTL."""
 
 
 class ArduPilot(Autopilot):
@@ -150,7 +150,7 @@ class ArduPilot(Autopilot):
         return [self._file_server]
 
     def _find_virtual_file(self, path: str) -> VirtualFile | None:
-        """Return a file that stands for the parameters or for a list on board."""
+        """Return a file that represents the parameters or a list on board."""
         name, _, query = path.partition("?")
         if name == PACKED_PARAMETERS:
             with_defaults = "withdefaults=1" in query
@@ -177,7 +177,7 @@ class ArduPilot(Autopilot):
     # Modes.
 
     def set_mode(self, mode: int) -> messages.Result:
-        """Change the mode; the one that is set already is set once more without effect."""
+        """Change the mode; setting the current mode again has no effect."""
         if mode not in set(Mode):
             self.voice.send_text(messages.Severity.WARNING, f"No such mode {mode}")
             return messages.Result.FAILED
@@ -198,7 +198,7 @@ class ArduPilot(Autopilot):
         return messages.Result.ACCEPTED
 
     def build_mode_order(self, word: str) -> messages.Command:
-        """Return the order of a mode as a ground station gives it."""
+        """Return the command with which a ground station sets a mode."""
         return messages.Command(messages.MavCommand.DO_SET_MODE, (1.0, float(Mode[word]), 0.0, 0.0, 0.0, 0.0, 0.0))
 
     def _may_enter_auto(self) -> bool:
@@ -234,7 +234,7 @@ class ArduPilot(Autopilot):
                 pilot.fly([ThrottleDescent(find_stopping_place(self.frame.body, LIMITS), SINK_M_S)])
 
     def _start_mission(self, command: messages.Command) -> messages.Result:
-        """Follow MISSION_START: AUTO, and the mission from where it is; it does not arm."""
+        """Handle MISSION_START: AUTO, and the mission from its present item; it does not arm."""
         if command.params[0] or command.params[1]:
             return messages.Result.DENIED
         if self.mode == Mode.AUTO and self.frame.armed and not self.mission.is_running:
@@ -263,7 +263,7 @@ class ArduPilot(Autopilot):
         return messages.Result.ACCEPTED
 
     def _reposition(self, command: messages.Command) -> messages.Result:
-        """Fly to a place as guided; without a frame it does not know the command."""
+        """Fly to a place in GUIDED; without a frame the command is unsupported."""
         if command.frame is None:
             return messages.Result.UNSUPPORTED
         where = command.place_e7
@@ -277,7 +277,7 @@ class ArduPilot(Autopilot):
         return messages.Result.ACCEPTED
 
     def _follow_set_point(self, point: messages.SetPoint) -> None:
-        """Fly to a place, or at a speed for as long as it is told so; what says nothing stops it."""
+        """Fly to a place, or at a velocity while set-points arrive; an empty set-point stops it."""
         if self.mode != Mode.GUIDED or not self.guided.may_move:
             return
         said = self.guided.note(point, self.now_s)
@@ -406,7 +406,7 @@ class ArduPilot(Autopilot):
         return counts
 
     def _watch_fence(self) -> None:
-        """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
+        """Act once at a breach; more than 100 m outside it lands, whatever action is set."""
         if not self._fences or self.frame.body.on_ground:
             return
         place, was_outside = self.frame.body.place, self._outside
@@ -431,14 +431,14 @@ class ArduPilot(Autopilot):
 
     @property
     def _fences(self) -> int:
-        """Kinds of fences that are on, in the bits of FENCE_TYPE: by parameter, or by command until it restarts."""
+        """Enabled fence kinds, as bits of FENCE_TYPE: by parameter, or by command until it restarts."""
         on = -1 if self.params["FENCE_ENABLE"] else 0
         return (on | self._fences_on) & ~self._fences_off & int(self.params["FENCE_TYPE"])
 
     def _enable_fence(self, command: messages.Command) -> messages.Result:
         order, kinds = command.integer_param(0), command.integer_param(1) or EVERY_FENCE
         if order not in {0, 1}:
-            return messages.Result.ACCEPTED if order == 2 else messages.Result.FAILED  # 2 is of least heights alone
+            return messages.Result.ACCEPTED if order == 2 else messages.Result.FAILED  # 2 is for minimum heights only
         if order and not int(self.params["FENCE_TYPE"]) & kinds & (-1 if self._shapes else ~POLYGON_BIT):
             return messages.Result.FAILED
         self._fences_on = self._fences_on | kinds if order else self._fences_on & ~kinds
@@ -471,7 +471,7 @@ class ArduPilot(Autopilot):
             self.set_mode(Mode.LAND if action == 5 else Mode.RTL)
 
     def _watch_battery(self) -> None:
-        """Raise the battery failsafe, and never lower it: low voltage must last, low charge acts at once."""
+        """Raise the battery failsafe, and never lower it: low voltage must persist, low charge acts at once."""
         for level, prefix in ((LOW, "LOW"), (CRITICAL, "CRT")):
             if self._battery_level >= level:
                 continue
@@ -504,7 +504,7 @@ class ArduPilot(Autopilot):
         return (100.0 - min(battery.charge_pct + self._gauge_offset_pct, 100.0)) / 100 * battery.capacity_mah
 
     def _remaining_pct(self) -> int:
-        """Return the percentage as reported: what the counter leaves of the capacity it was told, cut off."""
+        """Return the reported percentage: remaining charge over configured capacity, truncated."""
         capacity_mah = self.params["BATT_CAPACITY"]
         if self.params["BATT_MONITOR"] != 4 or capacity_mah <= 10:
             return -1
@@ -563,13 +563,13 @@ class ArduPilot(Autopilot):
                     terrain_alt_variance=0.0,
                 )  # fmt: skip
             case "MISSION_CURRENT":
-                # The count leaves home out, so it is the last item's number.
+                # The count excludes home, so it is the last item's number.
                 return messages.build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=max(len(self.store.items) - 1, 0),
                     mission_state=int(self.mission.state), mission_mode=int(self.mode == Mode.AUTO), mission_id=0,
                 )  # fmt: skip
             case "WIND":
-                # Where the air comes from: its degrees go from -180 to 180.
+                # Direction from which the wind comes: its degrees go from -180 to 180.
                 east, north = self.vehicle.wind_m_s
                 from_deg = math.degrees(math.atan2(-east, -north))
                 return messages.build_message("WIND", direction=from_deg, speed=math.hypot(east, north), speed_z=0.0)

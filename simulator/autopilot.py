@@ -1,7 +1,8 @@
-"""What ArduPilot and PX4 have in common: time, scheduled telemetry, message dispatch.
+"""Code that ArduPilot and PX4 share: time, scheduled telemetry, message dispatch.
 
-A vehicle is advanced in fixed steps of its own time, and everything it does follows that time. It knows no socket, no
-wall clock and no chance: ``advance`` and ``receive`` go in, ``voice.drain()`` and ``frame.drain_events()`` come out.
+A vehicle advances in fixed steps of its own time, and all its behaviour follows that time. It uses no socket, no wall
+clock and no randomness: ``advance`` and ``receive`` take input, ``voice.drain()`` and ``frame.drain_events()`` return
+output.
 """
 
 from __future__ import annotations
@@ -39,11 +40,11 @@ WALK_S = 15.0
 PACK_S = 20.0
 """Time of a pack swap, until it has booted."""
 BOOT_ANEW_S = 8.0
-"""Measured: PX4's simulator, killed and restarted, answers again from its pad."""
+"""Time until PX4's simulator answers again from its pad after being killed and restarted (measured)."""
 BESIDE_PAD_M = 3.0
 """Distance to home within which arming keeps the old home; simulated landings are off by less."""
 DRIFT_M, DRIFT_M_S = 4.0, 0.5
-"""Drift distance and speed of a vehicle that holds only its height."""
+"""Drift distance and speed of a vehicle in altitude hold only."""
 LAST_WORDS_S = 2.0
 """Time for which a crashed vehicle still reports that it is disarmed."""
 FORCE = 21196
@@ -51,7 +52,7 @@ FORCE = 21196
 
 
 Handler = Callable[[messages.Command], messages.Result | None]
-"""Carries out a command; None sends no answer."""
+"""Execute a command; None sends no answer."""
 
 
 class Autopilot(ABC):
@@ -60,7 +61,7 @@ class Autopilot(ABC):
     STREAMS_S: ClassVar[Mapping[str, float]]
     """Default streams and their intervals."""
     REFUSED: ClassVar[messages.Result]
-    """Result of a refused arming or disarming."""
+    """Result of a rejected arm or disarm command."""
     INVALID: ClassVar[messages.Result]
     """Result of a request for an unknown message."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
@@ -68,13 +69,13 @@ class Autopilot(ABC):
     ACKNOWLEDGES_EVERYWHERE: ClassVar[bool]
     """Whether a command is acknowledged over all links, not only the one it came from."""
     ON_ITS_BACK: ClassVar[str]
-    """Reason against arming a wreck."""
+    """Reason for refusing to arm after a crash on its back."""
     KILLED: ClassVar[str]
-    """Reason against arming while the kill switch is on."""
+    """Reason for refusing to arm while the kill switch is on."""
     KILL_SAYS: ClassVar[str]
-    """Text when a person stops its motors."""
+    """Text sent when a pilot stops the motors."""
     WORDS: ClassVar[Mapping[str, int]]
-    """Numbers of the modes that a pilot may choose."""
+    """Numbers of the modes that a pilot may select."""
     FIX: ClassVar[int]
     """GPS_FIX_TYPE with a fix."""
     CAPABILITIES: ClassVar[int]
@@ -93,7 +94,7 @@ class Autopilot(ABC):
         self.frame = Airframe(vehicle, manners)
         px4 = vehicle.autopilot is AutopilotKind.PX4
         self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
-        self.store, self.stores = stores[0], stores  # PX4 has one for each link, and ArduPilot one for all
+        self.store, self.stores = stores[0], stores  # PX4 has one per link, ArduPilot one for all
         self.files: Sequence[FileServer] = self._make_file_servers(FileTree())
         self.voice = VehicleOutbox(tab=px4)
         self.now_s = self.boot_s = 0.0
@@ -105,7 +106,7 @@ class Autopilot(ABC):
         self.positioning = Positioning()
         self.guided = GuidedFlight(self.frame, home, manners.limits)
         self._asking = 0
-        """Link that the present message came over."""
+        """Link on which the present message arrived."""
         self.schedules = self._start_streams()
         self.gcs_heard_s: float | None = None
         """Time of the last heartbeat of its ground station; None before the first."""
@@ -119,7 +120,7 @@ class Autopilot(ABC):
         self._rests_s: float | None = None
         """Time of its last landing, until a person reaches it."""
         self.told_to_disarm = False
-        """Whether the motors were last stopped by a command."""
+        """Whether a command last stopped the motors."""
         self.payload = Payload(vehicle, home, self.frame.body) if vehicle.cameras else None
         self._partner = messages.Peer(0, 0)
         """Sender of the present command."""
@@ -142,54 +143,54 @@ class Autopilot(ABC):
         self._builders = {name: build for name, build in builders.items() if name not in self.UNKNOWN}
 
     def _make_file_servers(self, tree: FileTree) -> Sequence[FileServer]:
-        """Return what answers MAVFTP: one for each link, before the same files."""
+        """Return the MAVFTP servers: one per link, on the same files."""
         return [FileServer(tree) for _ in self.stores]
 
-    # What goes in.
+    # Inputs.
 
     def advance(self, until_s: float) -> None:
-        """Live until a simulated time, in whole steps."""
+        """Run up to a simulated time, in whole steps."""
         while self.now_s + STEP_S <= until_s + 1e-9:
             self.now_s += STEP_S
             self._step()
 
     @property
     def streams(self) -> Streams:
-        """The telemetry on the link over which it was spoken to last, at first the first."""
+        """Telemetry on the link that last received a message, at first link 0."""
         return self.schedules[self._asking]
 
     def schedule_now(self, name: str) -> None:
-        """Send a streamed message now, over all links, because what it says has changed."""
+        """Send a streamed message now, on all links, because its content has changed."""
         for streams in self.schedules:
             streams.schedule_now(name, self.now_s)
 
     def receive(self, received: messages.Received) -> None:
-        """React to a message at once."""
+        """Handle a message immediately."""
         self._asking = received.sender.link
         if self.frame.crashed_s is None and self._rebooting_until_s is None:
             self._dispatch(received.sender, received.body)
 
     def reboot(self, *, on_pad: bool = False) -> None:
-        """Restart; the motors stop. A simulator that is restarted may stand on its pad again."""
+        """Restart; the motors stop. A restarted simulator may put the vehicle back on its pad."""
         self._rebooting_until_s = self.now_s + (BOOT_ANEW_S if on_pad else BOOT_S)
         if on_pad:
             self.frame.put_on_pad()
         self.frame.disarm()
 
     def apply_pilot_takeover(self, word: str) -> None:
-        """Follow a person who switches the mode by remote control, and holds the sticks."""
+        """Apply a pilot's mode switch by remote control; the pilot then holds the sticks."""
         self.frame.record_event(f"pilot {word}")
         self.hands, self.killed = True, False
         self.set_mode(self.WORDS[word])
 
     def drift(self) -> None:
-        """Hold the height alone: the air carries it a few metres away."""
+        """Hold height only: the wind carries it a few metres away."""
         here = find_stopping_place(self.frame.body, self.frame.pilot.limits)
         there = Place(here.east_m + DRIFT_M, here.north_m, here.up_m)
         self.frame.pilot.fly([Leg(here, there, DRIFT_M_S, accept_m=0.5), Hover(there)])
 
     def apply_injection(self, kind: InjectionKind, word: str, value: float) -> None:
-        """Suffer what people, fences, batteries, estimators and cameras do."""
+        """Apply an injected fault of a pilot, fence, battery, estimator or camera."""
         if kind in PAYLOAD_FAULTS and self.payload is not None:
             self.payload.apply_camera_fault(kind.value, value)
         match kind:
@@ -211,12 +212,12 @@ class Autopilot(ABC):
                 self._on_breach()
             case InjectionKind.EMERGENCY:
                 self._on_emergency(self.WORDS[word or "LAND"])
-            case InjectionKind.EKF if self.frame.armed:  # disarmed, neither autopilot looks at it
+            case InjectionKind.EKF if self.frame.armed:  # disarmed, both autopilots ignore it
                 self.frame.record_event("failsafe ekf")
                 self._on_lost_estimate()
 
     def _apply_ground_handling(self, kind: InjectionKind, value: float) -> None:
-        """Have somebody beside it, who disarms it, or gives it another pack while its motors stand still."""
+        """Apply a person's action at the vehicle: disarm, or swap the pack while the motors are stopped."""
         if kind is InjectionKind.DISARM:
             self.frame.record_event("pilot DISARM")
             self.frame.disarm()
@@ -224,7 +225,7 @@ class Autopilot(ABC):
             self.frame.battery.swap_pack(value or FULL_PCT)
             self._rebooting_until_s = self.now_s + PACK_S
 
-    # What others may ask.
+    # Queries.
 
     @property
     def mission_s(self) -> float | None:
@@ -240,7 +241,7 @@ class Autopilot(ABC):
 
     @property
     def is_mute(self) -> bool:
-        """Whether nothing is sent at all: restarting, or dead."""
+        """Whether it sends nothing at all: restarting, or destroyed."""
         is_dead = self.frame.crashed_s is not None and self.now_s > self.frame.crashed_s + LAST_WORDS_S
         return is_dead or (self._rebooting_until_s is not None and not self._may_acknowledge)
 
@@ -251,7 +252,7 @@ class Autopilot(ABC):
 
     @property
     def is_ready(self) -> bool:
-        """Whether the vehicle has booted far enough to be armed."""
+        """Whether boot has progressed far enough to arm."""
         return self.now_s - self.boot_s >= self.vehicle.ready_after_s
 
     @property
@@ -261,11 +262,11 @@ class Autopilot(ABC):
 
     @property
     def gcs_silence_s(self) -> float | None:
-        """Seconds since the ground station was heard; None before it ever was."""
+        """Seconds since the last ground station heartbeat; None before the first."""
         return None if self.gcs_heard_s is None else self.now_s - self.gcs_heard_s
 
     def begin_mission(self) -> None:
-        """Note that a mission begins; the first one is what faults count from."""
+        """Record a mission start; fault triggers count from the first."""
         if self._mission_began_s is None:
             self._mission_began_s = self.now_s
             self._mission_length_m = mission_length_m(self.store.items, self.home)
@@ -273,7 +274,7 @@ class Autopilot(ABC):
             self.frame.record_event("mission_started")
 
     def select_item(self, seq: int) -> bool:
-        """Make an item the current one and tell everybody; False when there is none."""
+        """Make an item the current one and report it; False if there is none."""
         selected = self._set_current(seq)
         message = self._build("MISSION_CURRENT") if selected else None
         if message is not None:
@@ -281,18 +282,18 @@ class Autopilot(ABC):
         return selected
 
     def execute_payload_command(self, number: int, params: Sequence[float]) -> bool:
-        """Do what a mission item or a command wants of the payload; returns whether there is one for it."""
+        """Execute a mission item or command for the payload; returns whether the payload handles it."""
         return self.payload is not None and self.payload.execute_item(number, params)
 
     def arm(self) -> bool:
-        """Arm, unless something speaks against it; then say what."""
+        """Arm, or report the reason for refusing."""
         if self.frame.armed:
             return True
         reason = self.ON_ITS_BACK if self.frame.wrecked else self.KILLED if self.killed else self._refuse_arming()
         if reason is not None:
             self.voice.send_text(messages.Severity.CRITICAL, reason)
             return False
-        # Both autopilots take the place where they are armed for home; beside its pad it is the pad.
+        # Both autopilots set home where they are armed; close to its pad, that is the pad.
         body = self.frame.body
         if math.hypot(body.east_m, body.north_m) > BESIDE_PAD_M:
             self.home.move(body.east_m, body.north_m)
@@ -304,27 +305,27 @@ class Autopilot(ABC):
         return True
 
     def acknowledge(self, command: messages.Command, result: messages.Result) -> None:
-        """Acknowledge a command to who gave it."""
+        """Acknowledge a command to its sender."""
         link = None if self.ACKNOWLEDGES_EVERYWHERE else self._asking
         self.voice.send([messages.build_command_ack(command.number, result, self._partner)], link)
 
-    # What the dialects do differently.
+    # Differences between the dialects.
 
     @abstractmethod
     def _own_commands(self) -> dict[int, Handler]:
-        """Return the commands that this dialect knows besides the common ones."""
+        """Return the commands of this dialect besides the common ones."""
 
     @abstractmethod
     def _decide(self) -> None:
-        """Follow the mission and the failsafes for one step."""
+        """Run mission and failsafes for one step."""
 
     @abstractmethod
     def _refuse_arming(self) -> str | None:
-        """Return why the vehicle cannot be armed, or None."""
+        """Return the reason for refusing to arm, or None."""
 
     @abstractmethod
     def _on_home_moved(self) -> None:
-        """Count from another home what it keeps as local places."""
+        """Convert stored local places to a new home."""
 
     @abstractmethod
     def set_mode(self, mode: int) -> messages.Result:
@@ -332,70 +333,70 @@ class Autopilot(ABC):
 
     @abstractmethod
     def build_mode_order(self, word: str) -> messages.Command:
-        """Return the order of a mode as a ground station gives it."""
+        """Return the command with which a ground station sets a mode."""
 
     @abstractmethod
     def _on_breach(self) -> None:
-        """React to the fence."""
+        """Handle a fence breach."""
 
     @abstractmethod
     def _on_emergency(self, mode: int) -> None:
-        """React to a battery that is nearly empty at once."""
+        """Handle a sudden, nearly empty battery."""
 
     @abstractmethod
     def _on_lost_estimate(self) -> None:
-        """React to an estimator that does not know where it is."""
+        """Handle a lost position estimate."""
 
     @abstractmethod
     def _on_mission_change(self, step: StoreStep) -> None:
-        """React to a change of the mission on board."""
+        """Handle a change of the mission on board."""
 
     @abstractmethod
     def _set_current(self, seq: int) -> bool:
-        """Make an item the current one; False when there is none."""
+        """Make an item the current one; False if there is none."""
 
     @abstractmethod
     def _follow_set_point(self, point: messages.SetPoint) -> None:
-        """Fly as a set-point says, or leave it."""
+        """Follow a set-point, or ignore it."""
 
     @abstractmethod
     def _set_mode_message(self, message: messages.SetMode) -> None:
-        """Follow SET_MODE."""
+        """Handle SET_MODE."""
 
     @abstractmethod
     def _refuse_interval(self, number: int) -> messages.Result:
-        """Refuse to send a message on schedule that it does not have."""
+        """Refuse an interval for a message that it does not have."""
 
     @abstractmethod
     def _on_armed(self) -> None:
-        """React to the motors having started."""
+        """Handle motor start."""
 
     @abstractmethod
     def _on_disarmed(self) -> None:
-        """React to the motors having stopped."""
+        """Handle motor stop."""
 
     @abstractmethod
     def _on_boot(self) -> None:
-        """Forget what a restart forgets."""
+        """Clear the state that a restart loses."""
 
     @abstractmethod
     def _hear_station(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:
-        """React to a heartbeat just before it is noted; returns whether it holds the failsafe."""
+        """Handle a heartbeat before it is recorded; returns whether it prevents the failsafe."""
 
     @abstractmethod
     def _build_own(self, name: str) -> messages.Outbound | None:
-        """Return a telemetry message that the dialects fill differently; None where there is nothing to say."""
+        """Return a telemetry message that the dialects fill differently; None without content."""
 
     @abstractmethod
     def _on_radio_status(self, txbuf_pct: int) -> None:
-        """React to how much of its radio's buffer is free."""
+        """Handle a report of the radio's free buffer."""
 
     @abstractmethod
     def _slow_down(self, streams: Streams, interval_s: float) -> float:
-        """Return the interval that a stream keeps for the one that was asked for."""
+        """Return the interval a stream keeps for a requested one."""
 
     def _on_stick_input(self) -> None:  # noqa: B027 - as ArduPilot does on its mission
-        """React to a person who moves the sticks: here they move nothing."""
+        """Handle stick input by a pilot: here it has no effect."""
 
     def _is_mission_locked(self) -> bool:
         return False
@@ -453,11 +454,11 @@ class Autopilot(ABC):
                     self.voice.send([message], link)
 
     def _build(self, name: str) -> messages.Outbound | None:
-        """Return a telemetry message by its name; None where there is nothing to say."""
+        """Return a telemetry message by name; None without content."""
         builder = self._builders.get(name)
         return self._build_own(name) if builder is None else builder()
 
-    # What is heard.
+    # Message handling.
 
     def _dispatch(self, sender: messages.Peer, body: messages.Body) -> None:
         order = messages.describe_order(body)
@@ -499,7 +500,7 @@ class Autopilot(ABC):
                 self.select_item(body.seq)
 
     def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
-        """Answer questions; what is an answer itself gets none."""
+        """Answer requests; ignore messages that are answers themselves."""
         if isinstance(body, messages.FileRequest):
             server = self.files[self._asking % len(self.files)]
             self.voice.send(server.handle(body, sender, self.now_s), self._asking)
@@ -586,5 +587,5 @@ class Autopilot(ABC):
         if command.params[0] != 1 or self.frame.armed:
             return messages.Result.DENIED
         self.reboot()
-        self._may_acknowledge = True  # with the next step it is silent
+        self._may_acknowledge = True  # silent from the next step on
         return messages.Result.ACCEPTED

@@ -1,7 +1,7 @@
-"""The pack of a simulated vehicle: its charge, its voltage, and what flying takes from it.
+"""The pack of a simulated vehicle: its charge, its voltage, and its consumption in flight.
 
-Charge, consumed charge and current are one thing here: percent = 100 - 100 * mAh / capacity holds at every instant, as
-in a coulomb counter, and the percent a second are exactly the energy model's times wind, wear and fault.
+Charge, consumed charge and current are consistent: percent = 100 - 100 * mAh / capacity always holds, as in a coulomb
+counter, and percent per second is exactly the energy model's times wind, wear and fault.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HOVER_SAG = 0.03
 
 @lru_cache(maxsize=4096)
 def _drain_pct_s(drone: Drone, decimetres_s: int) -> float:
-    """Percent a second at a speed in tenths of m/s; rounding keeps the cache small and costs under 1 %."""
+    """Return percent a second at a speed in tenths of m/s; rounding keeps the cache small and costs under 1 %."""
     return pct_per_s(drone, min(decimetres_s / 10, top_speed_m_s(drone)))
 
 
@@ -43,7 +43,7 @@ class Battery:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing is left."""
+        """Whether it is empty."""
         return self.charge_pct <= 0.0
 
     @property
@@ -67,9 +67,9 @@ class Battery:
         self.current_a = rate / 100 * self.capacity_mah / 1000 * 3600
 
     def swap_pack(self, charge_pct: float) -> None:
-        """Be another pack of the same make."""
+        """Replace the pack by another of the same type."""
         self.charge_pct, self.drain_factor, self.current_a = charge_pct, 1.0, 0.0
 
     def remove_charge(self, points: float) -> None:
-        """Lose so many points of charge at once."""
+        """Remove percentage points of charge at once."""
         self.charge_pct = max(self.charge_pct - points, 0.0)

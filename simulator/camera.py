@@ -1,9 +1,9 @@
 """Cameras of a simulated vehicle: triggered by its autopilot or by themselves, with a card, a gimbal and faults.
 
-The gimbal is a component that says where it looks; the autopilot manages it and passes on who has control of it.
+The gimbal is a component that reports its attitude; the autopilot manages it and reports which system controls it.
 
-A camera with a component id from 7 on speaks for itself by the camera protocol v2; one that is wired to the autopilot
-says nothing, and the autopilot reports each trigger: ArduPilot by CAMERA_FEEDBACK, PX4 by CAMERA_TRIGGER.
+A camera with a component id from 7 on sends its own messages by the camera protocol v2; one wired to the autopilot
+sends nothing, and the autopilot reports each trigger: ArduPilot by CAMERA_FEEDBACK, PX4 by CAMERA_TRIGGER.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ GIMBAL_S = 0.5
 TURNS_DEG_S = 60.0
 MANAGER_INFORMATION, MANAGER_STATUS, DEVICE_INFORMATION = 280, 281, 283
 YAW_LOCK = 16
-"""GIMBAL_MANAGER_FLAGS: the yaw counts from north."""
+"""GIMBAL_MANAGER_FLAGS: yaw relative to north."""
 ROLL_AND_PITCH_LOCK = 4 | 8
 YAW_OF_VEHICLE = 32
-"""GIMBAL_DEVICE_FLAGS: the reported yaw counts from the nose."""
+"""GIMBAL_DEVICE_FLAGS: reported yaw relative to the nose."""
 ABILITIES = 2 | 4 | 256 | 512 | 1024
 """GIMBAL_MANAGER_CAP_FLAGS: neutral position and axes, with yaw following or locked."""
 DOWN_RAD, UP_RAD = math.radians(-90.0), math.radians(30.0)
@@ -37,20 +37,20 @@ ASKING, NOBODY = -2.0, -3.0
 
 @dataclass(slots=True)
 class Gimbal:
-    """Where the cameras look: from the horizon, and from the nose."""
+    """Pointing direction of the cameras: pitch from the horizon, yaw from the nose."""
 
     pitch_deg: float = 0.0
     yaw_deg: float = 0.0
     wanted: tuple[float, float] = (0.0, 0.0)
     from_north: bool = False
-    """Whether the target yaw counts from north."""
+    """Whether the target yaw is relative to north."""
     stuck: bool = False
     due_s: float = 0.0
     control: tuple[int, int] | None = None
     """System and component in control; None before the first."""
 
     def step(self, dt_s: float, nose_deg: float) -> None:
-        """Turn towards where it is to look."""
+        """Turn towards the target."""
         if self.stuck:
             return
         most_deg = TURNS_DEG_S * dt_s
@@ -59,10 +59,10 @@ class Gimbal:
         self.pitch_deg += max(-most_deg, min(most_deg, self.wanted[0] - self.pitch_deg))
         self.yaw_deg += max(-most_deg, min(most_deg, turn_deg))
 
-    # What is said of it.
+    # Reports.
 
     def build_attitude_message(self, boot_ms: int) -> Outbound:
-        """Return where it looks; the gimbal says it."""
+        """Return the attitude message, sent by the gimbal."""
         return build_message(
             "GIMBAL_DEVICE_ATTITUDE_STATUS", target_system=0, target_component=0, time_boot_ms=boot_ms,
             flags=ROLL_AND_PITCH_LOCK | YAW_OF_VEHICLE, q=quaternion_from_euler(self.pitch_deg, self.yaw_deg),
@@ -71,7 +71,7 @@ class Gimbal:
         )  # fmt: skip
 
     def build_manager_message(self, number: int, boot_ms: int) -> Outbound | None:
-        """Return a message that the autopilot is asked for; None if it is not of gimbals."""
+        """Return a requested message of the autopilot; None if it is not about gimbals."""
         if number == MANAGER_INFORMATION:
             return build_message(
                 "GIMBAL_MANAGER_INFORMATION", time_boot_ms=boot_ms, cap_flags=ABILITIES, gimbal_device_id=GIMBAL,
@@ -80,7 +80,7 @@ class Gimbal:
         return self.build_status_message(boot_ms) if number == MANAGER_STATUS else None
 
     def build_status_message(self, boot_ms: int) -> Outbound:
-        """Return who has control of it; the autopilot says it."""
+        """Return the control status, sent by the autopilot."""
         system, component = self.control or (0, 0)
         return build_message(
             "GIMBAL_MANAGER_STATUS", time_boot_ms=boot_ms, flags=ROLL_AND_PITCH_LOCK, gimbal_device_id=GIMBAL,
@@ -89,7 +89,7 @@ class Gimbal:
         )  # fmt: skip
 
     def build_device_message(self, boot_ms: int) -> Outbound:
-        """Return what it is; the gimbal says it."""
+        """Return the device information, sent by the gimbal."""
         return build_message(
             "GIMBAL_DEVICE_INFORMATION", time_boot_ms=boot_ms, vendor_name=b"faultline", model_name=b"gimbal",
             custom_name=b"", firmware_version=1, hardware_version=1, uid=0, cap_flags=ABILITIES, custom_cap_flags=0,
@@ -104,7 +104,7 @@ _RANGES = {
 
 
 def quaternion_from_euler(pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
-    """Return the attitude of what does not roll as MAVLink has it: w, x, y, z."""
+    """Return the attitude without roll as MAVLink's quaternion: w, x, y, z."""
     (cp, sp), (cy, sy) = (
         (math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2)) for angle in (pitch_deg, yaw_deg)
     )
@@ -121,7 +121,7 @@ EVERYBODY = Peer(0, 0)
 CARD_MIB, PICTURE_MIB = 32_000.0, 8.0
 INFORMATION, SETTINGS, STORAGE, STATUS, CAPTURED = 259, 260, 261, 262, 263
 CAPTURES = 1 | 2 | 8
-"""CAMERA_CAP_FLAGS: video, pictures, and pictures while it films."""
+"""CAMERA_CAP_FLAGS: video, images, and images during video."""
 FOCAL_MM, SENSOR_MM, PIXELS = 24.0, (17.3, 13.0), (5280, 3956)
 REQUEST_MESSAGE = 512
 NEVER_S = math.inf
@@ -134,7 +134,7 @@ OF_CAMERAS = frozenset({
 
 @dataclass(frozen=True, slots=True)
 class CapturedImage:
-    """A picture on a card."""
+    """An image on a card."""
 
     camera: str
     number: int
@@ -161,9 +161,9 @@ class CameraUnit:
         self.silent = self.mute = self.full = False
         self.loss = 0.0
         self.images = 0
-        """Number of pictures taken."""
+        """Number of images taken."""
         self.told: dict[int, Outbound] = {}
-        """Message sent for each picture."""
+        """Message sent for each image."""
         self.every_s = 0.0
         self.due_s = NEVER_S
         self.filming_s: float | None = None
@@ -180,7 +180,7 @@ class ComponentMessage:
 
 @dataclass(slots=True)
 class Payload:
-    """All cameras of one vehicle and the gimbal that they hang on."""
+    """All cameras of one vehicle and the gimbal that carries them."""
 
     vehicle: SimVehicle
     home: Home
@@ -204,10 +204,10 @@ class Payload:
         self.gimbal = Gimbal() if any(config.gimbal for config in self.vehicle.cameras) else None
         self._rng = random.Random(f"{self.vehicle.seed}:{self.vehicle.name}:cameras")
 
-    # What goes in.
+    # Inputs.
 
     def execute_item(self, number: int, params: Sequence[float]) -> bool:
-        """Follow a mission item or a command; returns whether it is one for cameras."""
+        """Execute a mission item or a command; returns whether it is one for cameras."""
         match number:
             case Item.DO_SET_CAM_TRIGG_DIST:
                 self.every_m = max(0.0, params[0])
@@ -241,7 +241,7 @@ class Payload:
                 unit.filming_s = self.now_s
             case Item.VIDEO_STOP_CAPTURE:
                 unit.filming_s = None
-            case _ if params[0] not in {0.0, float(unit.config.id)}:  # it means another camera
+            case _ if params[0] not in {0.0, float(unit.config.id)}:  # addressed to another camera
                 pass
             case Item.IMAGE_STOP_CAPTURE:
                 unit.every_s, unit.due_s = 0.0, NEVER_S
@@ -251,7 +251,7 @@ class Payload:
                 unit.every_s, unit.due_s = params[1], self.now_s
 
     def answer_component_command(self, command: Command, component: int) -> None:
-        """Answer what one of its components is asked."""
+        """Answer a command to one of its components."""
         if component == GIMBAL and self.gimbal is not None and command.number == REQUEST_MESSAGE:
             known = command.integer_param(0) == DEVICE_INFORMATION
             self._said.append(
@@ -268,11 +268,11 @@ class Payload:
                 self._queue_message(unit, message)
 
     def build_manager_message(self, number: int) -> Outbound | None:
-        """Return what the autopilot says of the gimbal when it is asked for a message; None if it says nothing."""
+        """Return the autopilot's answer to a request for a gimbal message; None without an answer."""
         return None if self.gimbal is None else self.gimbal.build_manager_message(number, self._boot_ms)
 
     def change_gimbal_control(self, params: Sequence[float], sender: tuple[int, int]) -> bool:
-        """Let somebody take control of the gimbal, or give it back; returns whether there is one."""
+        """Give a sender control of the gimbal, or release it; returns whether there is a gimbal."""
         if self.gimbal is None:
             return False
         if params[0] == ASKING:
@@ -284,7 +284,7 @@ class Payload:
         return True
 
     def apply_camera_fault(self, fault: str, value: float) -> None:
-        """Suffer a fault, in the words of `InjectionKind`."""
+        """Apply a fault, named as in `InjectionKind`."""
         for unit in self.units:
             match fault:
                 case "camera-silent":
@@ -299,7 +299,7 @@ class Payload:
             self.gimbal.stuck = True
 
     def step(self, now_s: float, boot_s: float, dt_s: float) -> None:
-        """Live for one step."""
+        """Run for one step."""
         self.now_s, self.boot_s = now_s, boot_s
         if self.region is not None:
             self._turn_to(self.region)
@@ -324,7 +324,7 @@ class Payload:
                 self._queue_message(unit, self._build_capture_status(unit))
 
     def _turn_to(self, region: Place) -> None:
-        """Point the gimbal at a region of interest; without one the vehicle turns its nose (autoyaw.cpp)."""
+        """Point the gimbal at a region of interest; without a gimbal the vehicle turns its nose (autoyaw.cpp)."""
         east_m, north_m = region.east_m - self.body.east_m, region.north_m - self.body.north_m
         bearing_rad = math.atan2(east_m, north_m)
         if self.gimbal is None:
@@ -333,15 +333,15 @@ class Payload:
         pitch_rad = math.atan2(region.up_m - self.body.up_m, math.hypot(east_m, north_m))
         self.gimbal.wanted, self.gimbal.from_north = (math.degrees(pitch_rad), math.degrees(bearing_rad)), True
 
-    # What comes out.
+    # Outputs.
 
     def drain(self) -> list[ComponentMessage]:
-        """Take away what is to be sent."""
+        """Remove and return the messages to send."""
         said, self._said = self._said, []
         return said
 
     def drain_shots(self) -> list[CapturedImage]:
-        """Take away what came onto the cards."""
+        """Remove and return the new images."""
         shots, self._shots = self._shots, []
         return shots
 
@@ -374,7 +374,7 @@ class Payload:
         )  # fmt: skip
 
     def _take_picture(self, unit: CameraUnit) -> bool:
-        """Take one picture; returns whether the camera did anything."""
+        """Take one image; returns whether the camera reacted."""
         if unit.silent:
             return False
         lat, lon = self.home.lat_lon_e7(self.body.east_m, self.body.north_m)
@@ -451,7 +451,7 @@ class Payload:
 
 
 def format_picture_name(number: int) -> str:
-    """Return how a camera calls its picture."""
+    """Return the camera's file name of an image."""
     return f"DSC{number:05d}.JPG"
 
 

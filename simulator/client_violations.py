@@ -1,6 +1,6 @@
-"""What a client did wrong in its dialogue with a vehicle, by MAVLink's rules for missions, addresses and heartbeats.
+"""A client's violations of MAVLink's rules for missions, addresses and heartbeats.
 
-Read from what was on the client's side of the link, so that losses and delays of the link are nobody's mistakes.
+Evaluated from the frames on the client's side of the link, so a client is not blamed for the link's losses and delays.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ HEARTBEAT_GAP_S = 5.0
 ANSWER_S = 1.0
 """Time after which an unanswered request counts as ignored."""
 AGAIN_S = 0.1
-"""Time after an item from which it may be resent unasked, as the next request may be lost."""
+"""Time after an item from which an unrequested resend is allowed, as the next request may be lost."""
 SAME_NUMBER = 3
 """Consecutive frames with one sequence number that count as unnumbered."""
 
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """One thing that a client did wrong."""
+    """One violation by a client."""
 
     t_s: float
     vehicle: str
@@ -53,7 +53,7 @@ class _Upload:
     """Whether it has ended; an item requested twice may arrive again after the end."""
 
     def end(self, now_s: float) -> Iterator[tuple[str, str]]:
-        """Name what was asked for and never came."""
+        """Yield requested items that never came."""
         for seq, times in self.asked.items():
             if not self.over and not self.sent[seq] and now_s - self.asked_s[seq] >= ANSWER_S:
                 yield "upload", f"never sends item {seq}, which was asked for {_count_times(times)}"
@@ -68,14 +68,14 @@ class _Download:
     next: int = 0
 
     def find_unrequested(self) -> Iterator[tuple[str, str]]:
-        """Name what of the list was never asked for."""
+        """Yield items of the list that were never requested."""
         if missing := sorted(set(range(self.count or 0)) - self.requested):
             items = f"item{'s' * (len(missing) > 1)} {', '.join(map(str, missing))}"
             yield "download", f"never asks for {items} of {self.count}"
 
 
 class _Dialogue:
-    """One client's dialogue with one vehicle, as far as it has come."""
+    """State of one client's dialogue with one vehicle."""
 
     def __init__(self, sysid: int, fleet: Collection[int]) -> None:
         self._sysid, self._fleet = sysid, fleet
@@ -85,7 +85,7 @@ class _Dialogue:
         self._number, self._same = -1, 0
 
     def judge(self, said: Said) -> Iterator[tuple[str, str]]:
-        """Take the next message, and yield what is wrong with it."""
+        """Take the next message, and yield its violations."""
         if not said.up:
             yield from self._hear(said)
             return
@@ -110,7 +110,7 @@ class _Dialogue:
                 yield from self._judge_acknowledgement(said, kind)
 
     def end(self, now_s: float) -> Iterator[tuple[str, str]]:
-        """Yield what was left undone."""
+        """Yield what was left incomplete."""
         for kind in tuple(self._uploads):
             yield from self._end_upload(kind, now_s)
         for kind, download in tuple(self._downloads.items()):
@@ -142,7 +142,7 @@ class _Dialogue:
         self._beat_s = said.t_s if said.name == "HEARTBEAT" else since_s
         if said.t_s - since_s > HEARTBEAT_GAP_S:
             yield "heartbeat", f"sends no HEARTBEAT for {said.t_s - since_s:.1f} s, from {since_s:.1f} s on"
-            self._beat_s = said.t_s  # said once
+            self._beat_s = said.t_s  # report once
 
     def _judge_item(self, said: Said, kind: int) -> Iterator[tuple[str, str]]:
         seq, upload = said.message.seq, self._uploads.get(kind)
@@ -207,13 +207,13 @@ def _count_times(times: int) -> str:
 
 
 def find_violations(said: Sequence[Said], sysid: int, fleet: Collection[int], now_s: float) -> list[Violation]:
-    """Return what clients did wrong towards one vehicle, in the order of time.
+    """Return clients' violations towards one vehicle, in order of time.
 
     Args:
-        said: Its dialogue, in the order of time.
+        said: Its dialogue, in order of time.
         sysid: Its own MAVLink system id.
-        fleet: All system ids that are there.
-        now_s: When the dialogue is looked at, simulated.
+        fleet: All system ids present.
+        now_s: Time of the evaluation, simulated.
     """
     dialogues: dict[int, _Dialogue] = {}
     found = []

@@ -1,8 +1,8 @@
-"""Keep one time between a simulated fleet and its ground stations, so that neither outruns the other.
+"""Synchronise time between a simulated fleet and its ground stations, so that neither outruns the other.
 
-Lines of text on a TCP connection within this computer, to the port number of the fleet's first vehicle. The fleet
-greets, the ground station greets back; then the fleet says how far it has lived, and the ground station up to where it
-has taken everything in.
+Protocol: lines of text on a local TCP connection, on the port number of the fleet's first vehicle. The fleet greets,
+the ground station greets back; then the fleet sends its simulated time, and the ground station the time up to which it
+has processed everything.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from typing import cast
 NAME = "faultline-time-1"
 HERE = "127.0.0.1"
 AHEAD_S = 0.1
-"""Most simulated seconds that the fleet runs ahead of the ground station: a radio's delay."""
+"""Maximum lead of the fleet over the ground station in simulated seconds: a radio's delay."""
 LOOK_REAL_S = 0.5
-"""Silence after which a partner is checked; one that was stopped on purpose is not waited for."""
+"""Silence after which a partner is checked; the fleet does not wait for a deliberately stopped one."""
 PATIENCE_REAL_S = 10.0
 """Silence after which the fleet continues without a partner that is not stopped."""
 LONGEST_LINE = 200
@@ -28,22 +28,22 @@ LONGEST_LINE = 200
 
 @dataclass(frozen=True, slots=True)
 class Greeting:
-    """Who is there."""
+    """Process and time of the sender."""
 
     pid: int
     speedup: float
     lived_s: float = 0.0
-    """Time up to which the fleet has run."""
+    """Simulated time reached by the fleet."""
     unix_s: float = 0.0
     """Unix time of that moment on the fleet's clock."""
 
     def to_line(self) -> bytes:
-        """Return it as it is sent."""
+        """Return it as a line to send."""
         return f"{NAME} {self.pid} {self.speedup!r} {self.lived_s!r} {self.unix_s!r}\n".encode()
 
 
 def parse_greeting(line: bytes) -> Greeting | None:
-    """Return the greeting in a line; None if it is something else."""
+    """Return the greeting in a line; None for any other line."""
     try:
         name, pid, *figures = line.decode("ascii").split(" ")
         speedup, lived_s, unix_s = map(float, figures)
@@ -53,12 +53,12 @@ def parse_greeting(line: bytes) -> Greeting | None:
 
 
 def format_time_line(lived_s: float) -> bytes:
-    """Return a simulated time as it is sent."""
+    """Return a simulated time as a line to send."""
     return f"{lived_s!r}\n".encode()
 
 
 def parse_time_line(line: bytes) -> float | None:
-    """Return the simulated time in a line; None if it is something else."""
+    """Return the simulated time in a line; None for any other line."""
     try:
         return float(line)
     except ValueError:
@@ -66,20 +66,20 @@ def parse_time_line(line: bytes) -> float | None:
 
 
 class LineBuffer:
-    """Cuts what comes into lines."""
+    """Split received bytes into lines."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def take(self, data: bytes) -> list[bytes]:
-        """Return the lines that are complete now; something that is no line of ours is dropped."""
+        """Return the lines that are now complete; invalid lines are dropped."""
         *lines, rest = (self._rest + data).split(b"\n")
         self._rest = rest if len(rest) <= LONGEST_LINE else b""
         return lines
 
 
 def is_process_stopped(pid: int) -> bool:
-    """Return whether a process of this computer was stopped (SIGSTOP, Ctrl-Z, a debugger), where Linux can tell."""
+    """Return whether a local process was stopped (SIGSTOP, Ctrl-Z, a debugger), where Linux can tell."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:
@@ -88,7 +88,7 @@ def is_process_stopped(pid: int) -> bool:
 
 
 class ReplyWait:
-    """How long a partner has owed a word, in real seconds."""
+    """Time for which a partner's reply is outstanding, in real seconds."""
 
     def __init__(self, pid: int) -> None:
         self._pid = pid
@@ -96,16 +96,16 @@ class ReplyWait:
         self._looked_s = 0.0
 
     def begin(self, now_s: float) -> None:
-        """It was told something, and has to answer."""
+        """Start waiting for a reply."""
         if self._since_s is None:
             self._since_s = self._looked_s = now_s
 
     def end(self) -> None:
-        """It did."""
+        """Stop waiting."""
         self._since_s = None
 
     def is_gone(self, now_s: float) -> bool:
-        """Return whether it is no use to wait for it: it was stopped, or has owed its word for too long."""
+        """Return whether waiting is useless: the partner was stopped, or its reply is overdue."""
         if self._since_s is None or now_s - self._looked_s < LOOK_REAL_S:
             return False
         self._looked_s = now_s
@@ -113,12 +113,12 @@ class ReplyWait:
 
 
 class Stations:
-    """Who has asked for a common time; without anybody the fleet's time is its own."""
+    """Ground stations that requested a common time; without any the fleet keeps its own time."""
 
     def __init__(
         self, speedup: float, dated_s: Callable[[float], float], monotonic_s: Callable[[], float] = time.monotonic
     ) -> None:
-        """Begin at the simulated time 0.
+        """Begin at simulated time 0.
 
         Args:
             speedup: Of the fleet.
@@ -136,30 +136,30 @@ class Stations:
         self._here: set[Station] = set()
 
     def safe_time_s(self) -> float:
-        """Return how far the fleet may live now."""
+        """Return the simulated time up to which the fleet may run now."""
         now_s = self.monotonic_s()
         return min((station.safe_time_s(now_s) for station in self._here), default=float("inf"))
 
     def send_time(self, lived_s: float) -> None:
-        """Tell everybody how far the fleet has lived, after what it said until then."""
+        """Send the fleet's simulated time to all stations, after its messages up to then."""
         if lived_s > self.lived_s:
             self.lived_s = lived_s
             for station in self._here:
                 station.send_time(lived_s)
 
     def add_station(self, station: Station) -> None:
-        """Wait for this one from now on."""
+        """Wait for this station from now on."""
         self.ever = True
         self._here.add(station)
         self.moved.set()
 
     def remove_station(self, station: Station) -> None:
-        """Wait for this one no more."""
+        """Stop waiting for this station."""
         self._here.discard(station)
         self.moved.set()
 
     async def open(self, port: int) -> asyncio.Server:
-        """Listen for them.
+        """Listen for stations.
 
         Raises:
             OSError: the port is taken.
@@ -168,13 +168,13 @@ class Stations:
         return await loop.create_server(lambda: Station(self), HERE, port)
 
     def close(self) -> None:
-        """Let go of all."""
+        """Disconnect all stations."""
         for station in tuple(self._here):
             station.disconnect()
 
 
 class Station(asyncio.Protocol):
-    """One of them."""
+    """One ground station."""
 
     def __init__(self, stations: Stations) -> None:
         self._stations = stations
@@ -183,17 +183,17 @@ class Station(asyncio.Protocol):
         self._turn: ReplyWait | None = None
         self._taken_s = 0.0
         self._alone = False
-        """Whether the fleet continues without it until it speaks again."""
+        """Whether the fleet continues without it until its next message."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Greet."""
+        """Send the greeting."""
         self._transport = cast("asyncio.Transport", transport)
         whole = self._stations
         greeting = Greeting(os.getpid(), whole.speedup, whole.lived_s, whole.dated_s(whole.lived_s))
         self._transport.write(greeting.to_line())
 
     def data_received(self, data: bytes) -> None:
-        """Hear how far it has come."""
+        """Read the time up to which it has processed."""
         for line in self._lines.take(data):
             if self._turn is None:
                 greeting = parse_greeting(line)
@@ -212,7 +212,7 @@ class Station(asyncio.Protocol):
             self._turn.begin(self._stations.monotonic_s())
 
     def send_time(self, lived_s: float) -> None:
-        """Say how far the fleet has lived, unless it hears nothing at present."""
+        """Send the fleet's time, unless the station does not read at present."""
         if self._transport is None or self._turn is None:
             return
         self._turn.begin(self._stations.monotonic_s())
@@ -220,16 +220,16 @@ class Station(asyncio.Protocol):
             self._transport.write(format_time_line(lived_s))
 
     def safe_time_s(self, now_s: float) -> float:
-        """Return how far the fleet may live for its sake."""
+        """Return the time up to which this station lets the fleet run."""
         if self._turn is not None and self._turn.is_gone(now_s):
             self._alone = True
         return float("inf") if self._alone else self._taken_s + AHEAD_S
 
     def disconnect(self) -> None:
-        """Let go."""
+        """Abort the connection."""
         if self._transport is not None:
             self._transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
-        """Note that it has gone."""
+        """Remove the station."""
         self._stations.remove_station(self)

@@ -1,4 +1,4 @@
-"""What to simulate: vehicles, links, batteries, speed of time, and faults."""
+"""Configuration of a simulation: vehicles, links, batteries, speed of time, faults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EVERY_ADDRESS = "0.0.0.0"  # noqa: S104 - a ground station elsewhere is only rea
 
 
 class AutopilotKind(Enum):
-    """Whose behaviour a vehicle has."""
+    """Autopilot that a vehicle simulates."""
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
@@ -36,10 +36,10 @@ class Endpoint:
 
 
 def parse_vehicle_endpoint(connection: str) -> Endpoint:
-    """Return the vehicle's side of a connection string that is written for the ground station.
+    """Return the vehicle's side of a connection string written for the ground station.
 
-    ``udpin://HOST:PORT`` means that the ground station listens there, so the vehicle calls it; ``udpout://HOST:PORT``
-    means that the ground station calls there, so the vehicle listens; with port 0 the system chooses where.
+    ``udpin://HOST:PORT``: the ground station listens there, so the vehicle sends to it; ``udpout://HOST:PORT``: the
+    ground station sends there, so the vehicle listens; with port 0 the system chooses where.
 
     Raises:
         EndpointError: any other string.
@@ -62,7 +62,7 @@ def parse_vehicle_endpoint(connection: str) -> Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class Signing:
-    """MAVLink 2 message signing as a vehicle was set up for it."""
+    """MAVLink 2 message signing, as configured on a vehicle."""
 
     key: bytes = field(repr=False)
     """32 bytes."""
@@ -78,13 +78,13 @@ class SimCamera:
 
     name: str
     id: int = 0
-    """Camera id: from 7 on a component of its own, below it wired to the autopilot."""
+    """Camera id: from 7 on its own component, below it wired to the autopilot."""
     gimbal: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class SimVehicle:
-    """One simulated vehicle, standing on its pad with its autopilot just switched on."""
+    """One simulated vehicle, on its pad with its autopilot just switched on."""
 
     name: str
     sysid: int
@@ -94,7 +94,7 @@ class SimVehicle:
     home_lat_deg: float
     home_lon_deg: float
     home_alt_m: float
-    """Ground at the pad, above mean sea level; the ground is level around it."""
+    """Ground at the pad, above mean sea level; the terrain around it is level."""
     drone: Drone = PRESETS["mavic3"]
     charge_pct: float = 100.0
     """Charge at the start."""
@@ -105,12 +105,12 @@ class SimVehicle:
     speed_reached: float = 1.0
     """Share of a requested ground speed that it reaches."""
     wind_m_s: tuple[float, float] = (0.0, 0.0)
-    """Wind as the direction the air moves, east and north; consumption follows air speed."""
+    """Wind as the direction in which the air moves, east and north; consumption follows air speed."""
     current_sensor: bool = True
     ready_after_s: float = 3.0
-    """Boot until it can be armed, simulated. Measured: PX4 5 s, ArduPilot 42 s; shorter spares waiting."""
+    """Simulated time from boot until it can arm. Measured: PX4 5 s, ArduPilot 42 s; shorter to save waiting."""
     transfer_patience_s: float = 0.0
-    """Least time before a mission transfer is abandoned, simulated. Real autopilots abandon sooner, but in a fast
+    """Minimum simulated time before a mission transfer is abandoned. Real autopilots abandon sooner, but in a fast
     simulation a silent partner may be a busy computer."""
     rate_bytes_s: float = math.inf
     """PX4: MAV_0_RATE, to which it scales its streams."""
@@ -121,10 +121,10 @@ class SimVehicle:
     """Signing key; None neither signs nor requires signatures."""
     cameras: tuple[SimCamera, ...] = ()
     other_station: int = OTHER_STATION
-    """MAVLink system id of the ground station that the fault `station` brings up."""
+    """MAVLink system id of the ground station that the fault `station` adds."""
 
     def __post_init__(self) -> None:
-        """Check the connection; the site file has checked the figures.
+        """Check the connection; the site file has checked the numbers.
 
         Raises:
             EndpointError: it cannot be served.
@@ -134,13 +134,13 @@ class SimVehicle:
 
     @property
     def connections(self) -> tuple[str, ...]:
-        """Of each of its links."""
+        """Connection string of each link."""
         return (self.connection,) if isinstance(self.connection, str) else self.connection
 
 
 @dataclass(frozen=True, slots=True)
 class SimFleet:
-    """The vehicles that fly together, the speed of time and what goes wrong."""
+    """Vehicles that fly together, the speed of time, and their faults."""
 
     vehicles: tuple[SimVehicle, ...]
     speedup: float = 1.0
@@ -150,11 +150,11 @@ class SimFleet:
     separated by commas, empty for a network link."""
 
     def __post_init__(self) -> None:
-        """Check that the connections can be told apart, and the faults find their vehicles.
+        """Check that connections are distinct, and that faults name known vehicles.
 
         Raises:
             FleetError: several vehicles would have to listen on one port.
-            FaultSpecError: a fault names a vehicle that is not there.
+            FaultSpecError: a fault names an unknown vehicle.
         """
         every = [connection for one in self.vehicles for connection in one.connections]
         own = [parse_vehicle_endpoint(connection) for connection in every]
@@ -166,10 +166,10 @@ class SimFleet:
             self.check_fault(fault)
 
     def check_fault(self, fault: Injection) -> None:
-        """Check that a fault finds its vehicle.
+        """Check that a fault's vehicle, link and mode exist.
 
         Raises:
-            FaultSpecError: it names a vehicle, a link or a mode that is not there.
+            FaultSpecError: it names an unknown vehicle, link or mode.
         """
         names = [ALL_VEHICLES, *(vehicle.name for vehicle in self.vehicles)]
         if fault.vehicle not in names:

@@ -1,15 +1,15 @@
-"""What the simulator raises.
+"""Errors that the simulator raises.
 
 ValueError
 └── SimulatorError
-    ├── FaultSpecError     a fault that cannot be read, or that names a vehicle which does not fly
+    ├── FaultSpecError     a fault that cannot be parsed, or that names an unknown vehicle
     ├── EndpointError      a connection string that no simulated vehicle can serve
     └── FleetError         vehicles that cannot fly together
 """
 
 
 class SimulatorError(ValueError):
-    """Root of everything that the simulator raises on purpose."""
+    """Root of all errors that the simulator raises on purpose."""
 
 
 class FaultSpecError(SimulatorError):

@@ -15,31 +15,31 @@ LANDED = "landed"
 
 
 class InjectionKind(Enum):
-    """What goes wrong."""
+    """Kinds of faults."""
 
     SILENT = "silent"
-    """The link is dead in both directions, for good or for VALUE seconds; the vehicle flies on."""
+    """The link is dead in both directions, permanently or for VALUE seconds; the vehicle flies on."""
     BATTERY_STEP = "battery-step"
     """VALUE points of charge are lost at once."""
     DRAIN = "drain"
-    """The battery is used VALUE times as fast."""
+    """The battery drains VALUE times as fast."""
     CRASH = "crash"
     """The motors stop."""
     WEAK = "weak"
-    """Its motors lose a share VALUE of their thrust: from half of it on it sinks, in the mode that it is in."""
+    """Its motors lose a share VALUE of their thrust: from half on it sinks, in its current mode."""
     REBOOT = "reboot"
     """The autopilot restarts: on the ground it is back after a few seconds, in the air it falls; with ``pad`` it is
-    back on its pad wherever it was, as a simulator that is restarted."""
+    back on its pad from any position, like a restarted simulator."""
     REFUSE_UPLOAD = "refuse-upload"
-    """No mission is accepted any more."""
+    """Every further mission is refused."""
     HALF_UPLOAD = "half-upload"
-    """The vehicle stops asking after half of the items."""
+    """The vehicle stops requesting after half of the items."""
     LOSS = "loss"
     """A share VALUE of the datagrams is lost, each way."""
     DELAY = "delay"
     """Every datagram takes VALUE seconds, each way."""
     DUPLICATE = "duplicate"
-    """A share VALUE of the datagrams comes twice."""
+    """A share VALUE of the datagrams is duplicated."""
     REORDER = "reorder"
     """A share VALUE of the datagrams arrives out of order."""
     RATE = "rate"
@@ -52,11 +52,11 @@ class InjectionKind(Enum):
     STATION = "station"
     """Another ground station, system 254 (253 if that is ours), appears and commands mode VALUE."""
     KILL = "kill"
-    """A pilot's kill switch: the motors stop at once, and it disarms wherever it is."""
+    """A pilot's kill switch: the motors stop at once, and it disarms in any state."""
     DISARM = "disarm"
-    """A pilot disarms it, which no autopilot does in the air."""
+    """A pilot disarms it, which autopilots refuse in the air."""
     WRECK = "wreck"
-    """It falls, and lies on its back with its motors on: armed, in the mode that it was in, and it goes on talking."""
+    """It falls, and lies on its back with its motors on: armed, in its last mode, and still transmitting."""
     FENCE = "fence"
     """It is outside its fence, and returns."""
     EMERGENCY = "emergency"
@@ -64,7 +64,7 @@ class InjectionKind(Enum):
     EKF = "ekf"
     """Its position estimate fails, and it lands."""
     GPS = "gps"
-    """Its GPS loses its fix, for good or for VALUE seconds; it dead-reckons, and its failsafe lands it."""
+    """Its GPS loses its fix, permanently or for VALUE seconds; it dead-reckons, and its failsafe lands it."""
     CAMERA_SILENT = "camera-silent"
     """Its cameras take no pictures and send nothing."""
     CAMERA_MUTE = "camera-mute"
@@ -95,7 +95,7 @@ LINK_FAULTS = frozenset({InjectionKind.SILENT, *LINK_FIELDS})
 
 @dataclass(frozen=True, slots=True)
 class _Rule:
-    """What may stand behind the kind's equals sign."""
+    """Allowed value after the kind's equals sign."""
 
     expected: str
     """Expected value, for the error line."""
@@ -112,7 +112,7 @@ PILOT_MODES: Mapping[str, frozenset[str]] = {
     "ardupilot": frozenset({"AUTO", "LOITER", "ALT_HOLD", "STABILIZE", "POSHOLD", "BRAKE", "RTL", "LAND"}),
     "px4": frozenset({"MISSION", "POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"}),
 }
-"""Modes that a pilot may choose, by autopilot."""
+"""Modes that a pilot may select, by autopilot."""
 
 
 _WORDS = frozenset().union(*PILOT_MODES.values())
@@ -184,9 +184,9 @@ class Injection:
 def parse_fault(text: str) -> Injection:
     """Read ``VEHICLE[.LINK]:KIND[=VALUE]@WHEN``.
 
-    LINK is that of a fault of one of several links, from 1.
+    LINK selects one of several links, from 1, for a link fault.
 
-    WHEN is ``300s``, ``40%``, ``2.5m`` on its way up, ``20m-down``, or ``landed``, and ``landed2`` after its second
+    WHEN is ``300s``, ``40%``, ``2.5m`` while climbing, ``20m-down``, or ``landed``, and ``landed2`` after its second
     landing.
 
     Raises:
@@ -233,7 +233,7 @@ def _parse_value(text: str, kind: InjectionKind, raw: str | None) -> float | str
 
 
 def _parse_when(text: str, when: str, fault: Injection) -> Injection:
-    """Return the fault at seconds after the mission's start, a share of the route, or a height."""
+    """Return the fault with its trigger: seconds after mission start, a share of the route, or a height."""
     count = when.removeprefix(LANDED) or "1"
     if when.startswith(LANDED) and count.isdecimal() and int(count) > 0:
         return replace(fault, landings=int(count))
@@ -263,7 +263,7 @@ def check_modes(fault: Injection, vehicle: str, autopilot: str) -> None:
     """Refuse a mode that a vehicle does not have.
 
     Raises:
-        FaultSpecError: with the modes that it has.
+        FaultSpecError: lists the vehicle's modes.
     """
     if fault.kind not in {InjectionKind.PILOT, InjectionKind.STATION} or fault.vehicle not in {vehicle, ALL_VEHICLES}:
         return
@@ -274,7 +274,7 @@ def check_modes(fault: Injection, vehicle: str, autopilot: str) -> None:
 
 
 def faults_of(faults: Iterable[Injection], vehicle: str) -> tuple[Injection, ...]:
-    """Return the faults that befall ``vehicle``."""
+    """Return the faults that apply to ``vehicle``."""
     return tuple(fault for fault in faults if fault.vehicle in {ALL_VEHICLES, vehicle})
 
 
@@ -286,15 +286,15 @@ def is_due(
     highest_m: float = 0.0,
     landings: int = 0,
 ) -> bool:
-    """Return whether the fault's time has come.
+    """Return whether the fault is due.
 
     Args:
         fault: the fault.
         mission_s: simulated seconds since the vehicle began its mission; None before.
         flown_share: distance flown since then over the length of that mission; None before.
-        up_m: how high it is over its pad.
-        highest_m: how high it has been.
-        landings: how often it has landed.
+        up_m: height above its pad.
+        highest_m: maximum height so far.
+        landings: number of landings.
     """
     if fault.landings is not None:
         return landings >= fault.landings

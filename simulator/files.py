@@ -1,6 +1,6 @@
-"""MAVFTP of both autopilots: files in memory and the server before them, after GCS_FTP.cpp and mavlink_ftp.cpp.
+"""MAVFTP of both autopilots: files in memory and the server, after GCS_FTP.cpp and mavlink_ftp.cpp.
 
-One file can be open at a time. What a station writes is there until the simulation ends, as on a card.
+One file can be open at a time. A file that a station writes exists until the simulation ends, as on a card.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Error(IntEnum):
 
 
 class FileRefusedError(Exception):
-    """A request is answered with an error."""
+    """A request that is answered with an error."""
 
     def __init__(self, error: Error, errno: int | None = None) -> None:
         super().__init__(error.name)
@@ -52,28 +52,28 @@ class FileRefusedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class VirtualFile:
-    """A file that is made when it is read, or understood when it is closed."""
+    """A file generated when it is read, or parsed when it is closed."""
 
     size: int
     """Size reported before the content is known."""
     build: Callable[[int], bytes]
-    """Builds its content for a station with this read size."""
+    """Build its content for a station with this read size."""
     put: Callable[[bytes], None] | None = None
-    """Takes written content; None if read-only."""
+    """Take written content; None if read-only."""
 
 
 class FileTree:
-    """Files and folders by their paths, which have no slash at the beginning."""
+    """Files and folders by path, without a leading slash."""
 
     def __init__(self) -> None:
         self._entries: dict[str, bytearray | None] = {}
         """Files and folders by path; None is a folder."""
 
     def file_at(self, path: str, *, create: bool = False) -> bytearray:
-        """Return what is in a file, to read or to change.
+        """Return the content of a file, to read or to change.
 
         Raises:
-            FileRefusedError: there is none, and none is to be made or can be.
+            FileRefusedError: there is none, and none is to be created or can be.
         """
         if create and path not in self._entries:
             self._check_parent(path)
@@ -91,23 +91,23 @@ class FileTree:
         return [(name, None if data is None else len(data)) for (folder, _, name), data in below if folder == path]
 
     def make_folder(self, path: str) -> None:
-        """Make a folder in one that is there."""
+        """Make a folder in an existing one."""
         if not path or path in self._entries:
             raise FileRefusedError(Error.EXISTS)
         self._check_parent(path)
         self._entries[path] = None
 
     def remove(self, path: str, kinds: tuple[type, ...] = (bytearray, type(None))) -> None:
-        """Remove a file, or a folder that is empty, if it is of a kind that may go."""
+        """Remove a file, or an empty folder, if its kind may be removed."""
         if not isinstance(self._find(path), kinds):
             raise FileRefusedError(Error.FAIL_ERRNO, IS_FOLDER if bytearray in kinds else NO_FOLDER)
         if any(one.startswith(f"{path}/") for one in self._entries):
-            # ArduPilot tries it as a file then.
+            # ArduPilot then tries it as a file.
             raise FileRefusedError(Error.FAIL_ERRNO, IS_FOLDER if bytearray in kinds else NOT_EMPTY)
         del self._entries[path]
 
     def rename(self, old: str, new: str) -> None:
-        """Give a file or a folder another name, and all that is in it."""
+        """Rename a file, or a folder with its contents."""
         self._find(old)
         self._check_parent(new)
         moved = [one for one in self._entries if one == old or one.startswith(f"{old}/")]
@@ -126,11 +126,11 @@ class FileTree:
 
 @dataclass(slots=True)
 class OpenFile:
-    """The file that is open."""
+    """The open file."""
 
     writes: bool
     data: bytearray | None
-    """None until the first part of a virtual file is read."""
+    """Content; None until the first part of a virtual file is read."""
     size: int
     virtual: VirtualFile | None = None
 
@@ -141,7 +141,7 @@ class OpenFile:
         return bytes(self.data[offset : offset + most])
 
     def write(self, offset: int, data: bytes) -> None:
-        """Change a part of it; a gap before that is zeros."""
+        """Overwrite a part of it; a gap before the part is filled with zeros."""
         self.data = bytearray() if self.data is None else self.data
         self.data.extend(bytes(max(0, offset + len(data) - len(self.data))))
         self.data[offset : offset + len(data)] = data
@@ -149,7 +149,7 @@ class OpenFile:
 
 @dataclass(slots=True)
 class Reply:
-    """What is said to a request, as far as there is no error."""
+    """Answer to a request without an error."""
 
     data: bytes = b""
     offset: int = 0
@@ -157,7 +157,7 @@ class Reply:
 
 
 class FileServer:
-    """PX4's, for one of its links."""
+    """PX4's server, for one of its links."""
 
     SILENCE_S = 10.0
     """Silence after which the file is closed."""
@@ -169,11 +169,11 @@ class FileServer:
         self._open: OpenFile | None = None
         self._asked_s = float("-inf")
         self._last: tuple[object, Outbound] | None = None
-        """Last answer, and the key by which a repeated request is recognised."""
+        """Last answer, and the key that identifies a repeated request."""
         self._burst: Iterator[Outbound] = iter(())
 
     def handle(self, request: FileRequest, sender: Peer, now_s: float) -> list[Outbound]:
-        """Return the answers to a request; those of a burst go on with each `take_burst`."""
+        """Return the answers to a request; a burst continues with each `take_burst`."""
         self.link = sender.link
         if self._last is not None and self._last[0] == self._mark(request, sender):
             self._asked_s = now_s
@@ -198,7 +198,7 @@ class FileServer:
         return list(itertools.islice(self._burst, CHUNKS_A_STEP))
 
     def tick(self, now_s: float) -> Sequence[Outbound]:
-        """Return what is to be sent now, and close what nobody asks for any more."""
+        """Return what to send now, and close a file that is no longer requested."""
         if self._open is None:
             return ()
         if now_s - self._asked_s > self.SILENCE_S:
@@ -207,7 +207,7 @@ class FileServer:
 
     @property
     def _file(self) -> OpenFile:
-        """The file that is open.
+        """The open file.
 
         Raises:
             FileRefusedError: there is none.
@@ -216,7 +216,7 @@ class FileServer:
             raise FileRefusedError(Error.INVALID_SESSION)
         return self._open
 
-    # What the two do differently.
+    # Differences between the two servers.
 
     def _mark(self, request: FileRequest, sender: Peer) -> object:  # noqa: ARG002 - whoever repeats it
         return request.number
@@ -225,7 +225,7 @@ class FileServer:
         return request.offset
 
     def _session_of(self, request: FileRequest, opcode: Ftp) -> int:
-        """Return the session that an answer names: that of an opened file is 0, whatever was asked for."""
+        """Return the session of an answer: that of an opened file is 0, whatever was requested."""
         return 0 if opcode == Ftp.ACK and request.operation in OPENS else request.session
 
     def _carry_out(self, request: FileRequest, now_s: float) -> Reply:  # noqa: ARG002 - tick closes what was forgotten
@@ -304,7 +304,7 @@ class FileServer:
         return WORD.pack(len(request.data))
 
     def _list(self, request: FileRequest) -> bytes:
-        """Return names as far as they fit; the folder itself and the one above it are left to skip."""
+        """Return the names that fit; the folder itself and its parent become skip entries."""
         entries = ["S", "S", *map(_describe_entry, self.tree.list_folder(self._path(request)))]
         return _pack_entries(entries[request.offset :], b"\0")
 
@@ -312,7 +312,7 @@ class FileServer:
         try:
             return bytes(self.tree.file_at(path))
         except FileRefusedError as refused:
-            raise FileRefusedError(Error.FAIL_ERRNO, 0) from refused  # it does not say why
+            raise FileRefusedError(Error.FAIL_ERRNO, 0) from refused  # it gives no reason
 
     def _close(self) -> None:
         file, self._open, self._burst = self._open, None, iter(())
@@ -354,7 +354,7 @@ class FileServer:
 
 
 class ArduPilotFileServer(FileServer):
-    """ArduPilot's, for all its links; the station chooses the number of the session."""
+    """ArduPilot's server, for all its links; the station chooses the session number."""
 
     SILENCE_S = math.inf
     SESSION_S = 3.0
@@ -371,7 +371,7 @@ class ArduPilotFileServer(FileServer):
         self._session = -1
 
     def is_active(self, now_s: float) -> bool:
-        """Return whether it sends answers just now."""
+        """Return whether it is sending answers now."""
         return now_s - self._asked_s < self.SLOWS_S
 
     def handle(self, request: FileRequest, sender: Peer, now_s: float) -> list[Outbound]:
@@ -477,7 +477,7 @@ class ArduPilotFileServer(FileServer):
                 return
             ends = len(data) < most or chunk == self.MOST_CHUNKS - 1
             yield self._answer(request, sender, Reply(data, offset), number=number, ends=ends)
-            # Behind a whole part the error that follows carries that part's offset.
+            # After a whole part, the error that follows carries that part's offset.
             after, number = offset + (len(data) if len(data) < most else 0), number + 1
 
 

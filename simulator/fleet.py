@@ -29,12 +29,12 @@ from simulator.wire import Codec
 REORDER_HOLD_S = (0.02, 0.2)
 """Delay of a reordered datagram, simulated."""
 QUEUE_BYTES = 2048
-"""Queue of a radio; more is lost (SiK, serial.c: 1850)."""
+"""Queue of a radio; the excess is lost (SiK, serial.c: 1850)."""
 
 
 @dataclass(slots=True)
 class LinkCondition:
-    """The state of a vehicle's link; both directions share it."""
+    """Condition of a vehicle's link, shared by both directions."""
 
     loss: float = 0.0
     """Share of datagrams lost."""
@@ -46,11 +46,11 @@ class LinkCondition:
     rate_bytes_s: float = math.inf
     """Throughput in each direction."""
     silent_until_s: float = -math.inf
-    """Simulated time until which nothing passes."""
+    """Simulated time until which the link is dead."""
 
 
 class Channel:
-    """Carries datagrams one way; times are simulated seconds."""
+    """Carry datagrams in one direction; times are simulated seconds."""
 
     def __init__(self, condition: LinkCondition, rng: random.Random) -> None:
         self._condition = condition
@@ -61,7 +61,7 @@ class Channel:
         """Time at which its queue is empty."""
 
     def offer(self, datagram: bytes, now_s: float) -> None:
-        """Take a datagram that was sent at ``now_s``."""
+        """Take a datagram sent at ``now_s``."""
         condition = self._condition
         if now_s < condition.silent_until_s or self._draw_chance(condition.loss):
             return
@@ -75,7 +75,7 @@ class Channel:
             self._count += 1
 
     def take_due(self, now_s: float) -> list[bytes]:
-        """Return what arrives by ``now_s``, in the order of arrival; what arrives in a silence is lost."""
+        """Return datagrams that arrive by ``now_s``, in order of arrival; those that arrive in a silence are lost."""
         arrived = []
         while self._held and self._held[0][0] <= now_s:
             at_s, _, datagram = heapq.heappop(self._held)
@@ -88,16 +88,16 @@ class Channel:
 
 
 STATION_COMPONENT = 190
-"""Component id of another ground station."""
+"""Component id of the other ground station."""
 
 
 def make_autopilot(vehicle: SimVehicle) -> Autopilot:
-    """Return the autopilot that the vehicle has."""
+    """Return the vehicle's autopilot."""
     return ArduPilot(vehicle) if vehicle.autopilot is AutopilotKind.ARDUPILOT else Px4(vehicle)
 
 
 class _Line:
-    """One of a vehicle's links: what is sent over it is numbered anew, and it may be bad by itself."""
+    """One link of a vehicle: it numbers its own frames and has its own link condition."""
 
     def __init__(self, vehicle: SimVehicle, number: int, components: frozenset[int], radio: Radio | None) -> None:
         self.radio, signing, ardupilot = radio, vehicle.signing, vehicle.autopilot is AutopilotKind.ARDUPILOT
@@ -110,7 +110,7 @@ class _Line:
 
 
 class SimulatedVehicle:
-    """An autopilot behind one or several links that may be bad; all times are simulated seconds."""
+    """An autopilot on one or several imperfect links; all times are simulated seconds."""
 
     def __init__(
         self,
@@ -119,7 +119,7 @@ class SimulatedVehicle:
         radios: Sequence[Radio | None] = (),
         place: int = 0,
     ) -> None:
-        """Switch it on; `radios` are those of its links, and `place` its number on them."""
+        """Switch it on; `radios` are those of its links, and `place` its index on them."""
         self._place = place
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
@@ -141,21 +141,21 @@ class SimulatedVehicle:
 
     @property
     def now_s(self) -> float:
-        """How far it has lived."""
+        """Simulated time reached."""
         return self._now_s
 
     @property
     def links(self) -> int:
-        """How many it has."""
+        """Number of links."""
         return len(self._lines)
 
     @property
     def radio(self) -> Radio | None:
-        """Of its first link."""
+        """Radio of its first link."""
         return self._lines[0].radio
 
     def receive(self, datagram: bytes, link: int = 0) -> None:
-        """Take a datagram from a ground station over one of its links; an answer may be ready at once."""
+        """Take a datagram from a ground station on one link; an answer may be ready immediately."""
         if self.tap is not None:
             self.tap(datagram, True)
         line = self._lines[link]
@@ -166,7 +166,7 @@ class SimulatedVehicle:
         self._deliver()
 
     def advance(self, until_s: float) -> None:
-        """Live until ``until_s``, in whole steps."""
+        """Run until ``until_s``, in whole steps."""
         while self._now_s + STEP_S <= until_s + 1e-9:
             self._now_s += STEP_S
             for line in self._lines:
@@ -180,7 +180,7 @@ class SimulatedVehicle:
             self._collect()
 
     def drain(self, link: int = 0) -> list[bytes]:
-        """Take away the datagrams that have reached the ground stations over one of its links."""
+        """Remove and return the datagrams that have reached the ground stations on one link."""
         self._collect()
         line = self._lines[link]
         arrived = line.down.take_due(self._now_s)
@@ -194,7 +194,7 @@ class SimulatedVehicle:
         return arrived
 
     def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
-        """Take away what really happened, where on the globe, and when by a machine's clock."""
+        """Remove and return true events, with global position and the time of a machine's clock."""
         truths = []
         for event in self.autopilot.frame.drain_events():
             lat_e7, lon_e7 = self.autopilot.home.lat_lon_e7(event.place.east_m, event.place.north_m)
@@ -207,7 +207,7 @@ class SimulatedVehicle:
         return truths
 
     def drain_shots(self) -> list[CapturedImage]:
-        """Take away what came onto its cameras' cards."""
+        """Remove and return new images on its cameras' cards."""
         return [] if self.autopilot.payload is None else self.autopilot.payload.drain_shots()
 
     def _deliver(self) -> None:
@@ -246,11 +246,11 @@ class SimulatedVehicle:
                 self.apply_injection(fault)
 
     def schedule_injection(self, fault: Injection) -> None:
-        """Have a fault befall this vehicle in its own time."""
+        """Schedule a fault in this vehicle's time."""
         self._pending.append(fault)
 
     def apply_injection(self, fault: Injection) -> None:
-        """Suffer a fault now, whenever it was ordered for."""
+        """Apply a fault now, whatever its trigger."""
         self.autopilot.frame.record_event(f"fault {fault.spec}")
         if fault.kind in LINK_FAULTS:
             lines = self._lines if fault.link == 0 else [self._lines[fault.link - 1]]
@@ -276,7 +276,7 @@ class SimulatedVehicle:
             case InjectionKind.REBOOT:
                 self.autopilot.reboot(on_pad=word == "pad")
             case InjectionKind.STATION:
-                # From now on the other ground station's heartbeat is on the air.
+                # From now on the other ground station sends heartbeats.
                 if self._station is None:
                     self._station = Codec(self._stranger.sysid, component=self._stranger.compid)
                     self._station_beat_s = self._now_s
@@ -303,7 +303,7 @@ class SimulatedVehicle:
 def build_vehicles(
     fleet: SimFleet, craft: Callable[[SimVehicle], SimVehicle] = lambda one: one
 ) -> list[SimulatedVehicle]:
-    """Return the vehicles of a fleet, behind their radio if they have one; `craft` changes one before it is built.
+    """Return the vehicles of a fleet, on their radio if any; `craft` changes each before it is built.
 
     Raises:
         SimulatorError: there is no such radio.
@@ -326,19 +326,19 @@ def build_vehicles(
 Address = tuple[str, int]
 
 PEER_S = 10.0
-"""Silence in real seconds after which a ground station is no longer answered."""
+"""Silence in real seconds after which the vehicle stops sending to a ground station."""
 TICK_S = (0.005, 0.05)
 """Shortest and longest real pause between two steps."""
 CHUNK_STEPS = 40
-"""Most steps before the sockets are read again: after a stall, waiting heartbeats must be read before the vehicle's
-time-outs pass."""
+"""Most steps between two reads of the sockets: after a stall, waiting heartbeats must be read before the vehicle's
+time-outs expire."""
 MAX_LAG_S = 2.0
-"""Longest stall in real seconds that is made up; after a longer one the vehicles' clocks lag, as in a suspended
+"""Longest stall in real seconds that is caught up; after a longer one the vehicles' clocks lag, as in a suspended
 process."""
 
 
 class UdpLink(asyncio.DatagramProtocol):
-    """The socket of one of a vehicle's links, and who is in the same process."""
+    """UDP socket of one link, and its listeners in the same process."""
 
     def __init__(self, vehicle: SimulatedVehicle, number: int, target: Address | None) -> None:
         self.vehicle, self._number = vehicle, number
@@ -355,31 +355,31 @@ class UdpLink(asyncio.DatagramProtocol):
 
     @property
     def address(self) -> Address:
-        """Where it listens; the system has chosen the port if none was asked for."""
+        """Address on which it listens; the system has chosen the port if none was given."""
         host, port = ("", 0) if self._transport is None else self._transport.get_extra_info("sockname")
         return host, port
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Note the socket."""
+        """Store the transport."""
         # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
         self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
-        """Hear a ground station, and answer at once."""
+        """Handle a ground station's datagram, and answer immediately."""
         self._heard_s[addr] = self._loop.time()
         self.receive(data)
 
     def receive(self, data: bytes) -> None:
-        """Hear somebody in the same process."""
+        """Handle a datagram from the same process."""
         self.heard += 1
         self.vehicle.receive(data, self._number)
         self.flush()
 
     def error_received(self, exc: Exception) -> None:
-        """Ignore that nobody listens yet or any more: a vehicle goes on talking."""
+        """Ignore that no ground station listens yet or any more: a vehicle keeps sending."""
 
     def flush(self) -> None:
-        """Send what the vehicle has to say to everybody who was heard lately, and to the configured target."""
+        """Send pending datagrams to every recently heard ground station and to the configured target."""
         datagrams = self.vehicle.drain(self._number)
         if not datagrams or self._transport is None:
             return
@@ -395,11 +395,11 @@ class UdpLink(asyncio.DatagramProtocol):
                 self._loop.call_soon(hear, datagram)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
-        """Note that the socket is closed."""
+        """Record that the socket is closed."""
         self._closed.set()
 
     async def close(self) -> None:
-        """Close the socket, and wait until it is."""
+        """Close the socket, and wait until it is closed."""
         if self._transport is not None:
             self._transport.close()
             await self._closed.wait()
@@ -414,12 +414,12 @@ class SimClock:
         self._unix_s = unix_s
 
     def now_s(self, lived_s: float, monotonic_s: float, *, dated: bool = True) -> float:
-        """Return the simulated time that the fleet should have lived to, given how far it has.
+        """Return the simulated time that the fleet should reach, given the time it has reached.
 
         Args:
-            lived_s: How far it has lived.
+            lived_s: Simulated time reached.
             monotonic_s: Now.
-            dated: Whether dates go by the computer's clock; without it they go by the simulated time alone.
+            dated: Whether dates follow the computer's clock; without it they follow simulated time only.
         """
         due_s = (monotonic_s - self._origin_s) * self._speedup
         excess_s = due_s - lived_s - MAX_LAG_S * self._speedup
@@ -441,13 +441,13 @@ async def run_fleet(
     on_truth: Callable[[Truth], None],
     watched: Callable[[Sequence[SimulatedVehicle]], None] = lambda _: None,
 ) -> None:
-    """Fly until ``stop`` is set.
+    """Run the fleet until ``stop`` is set.
 
     Args:
-        fleet: what to fly.
+        fleet: the fleet.
         stop: ends it.
-        on_truth: is told what really happens.
-        watched: is shown the vehicles whenever all have lived on.
+        on_truth: receives true events.
+        watched: receives the vehicles after each step of all.
 
     Raises:
         OSError: a port is taken.
@@ -459,7 +459,7 @@ async def run_fleet(
 
 @asynccontextmanager
 async def open_sockets(fleet: SimFleet, vehicles: Sequence[SimulatedVehicle]) -> AsyncIterator[list[UdpLink]]:
-    """Give the vehicles of a fleet their sockets, one for each link, in their order.
+    """Open the vehicles' sockets, one per link, in their order.
 
     Raises:
         OSError: a port is taken.
@@ -486,7 +486,7 @@ async def fly_vehicles(
     on_truth: Callable[[Truth], None],
     watched: Callable[[Sequence[SimulatedVehicle]], None] = lambda _: None,
 ) -> None:
-    """Do what `run_fleet` does, for vehicles that have their sockets; time is that of the running loop."""
+    """Run as `run_fleet` does, for vehicles with open sockets; time is that of the running loop."""
     loop = asyncio.get_running_loop()
     clock = SimClock(fleet.speedup, monotonic_s=loop.time(), unix_s=time.time())
     async with _keep_common_time(fleet.speedup, clock, links) as stations:
@@ -497,7 +497,7 @@ async def fly_vehicles(
             due_s = clock.now_s(lived_s, loop.time(), dated=not stations.ever)
             behind = due_s - lived_s > CHUNK_STEPS * STEP_S
             wanted_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
-            # It may have lived further while a ground station was stopped.
+            # It may have advanced further while a ground station was stopped.
             until_s = max(lived_s, stations.safe_time_s())
             lived_s = min(wanted_s, until_s)
             watched(live_until(links, lived_s, clock.unix_s, on_truth))
@@ -510,12 +510,12 @@ async def fly_vehicles(
 
 @asynccontextmanager
 async def _keep_common_time(speedup: float, clock: SimClock, links: Sequence[UdpLink]) -> AsyncIterator[Stations]:
-    """Keep the time together with those who ask for it at the port of the first link, unless it is real time."""
+    """Synchronise time with ground stations that connect to the first link's port, unless it runs in real time."""
     stations = Stations(speedup, clock.unix_s)
     server: asyncio.Server | None = None
     if speedup > 1:
         _, port = links[0].target or links[0].address
-        with suppress(OSError):  # the port is another program's: the time is the fleet's own, as for any ground station
+        with suppress(OSError):  # another program has the port: the fleet keeps its own time, as for any station
             server = await stations.open(port)
     try:
         yield stations
@@ -528,7 +528,7 @@ async def _keep_common_time(speedup: float, clock: SimClock, links: Sequence[Udp
 def live_until(
     links: Sequence[UdpLink], until_s: float, unix_s: Callable[[float], float], on_truth: Callable[[Truth], None]
 ) -> list[SimulatedVehicle]:
-    """Let the vehicles behind links live until a simulated time, and say what they have to say; returns them."""
+    """Run the vehicles behind links until a simulated time, and send their output; returns them."""
     of_vehicles: dict[SimulatedVehicle, list[UdpLink]] = {}
     for link in links:
         of_vehicles.setdefault(link.vehicle, []).append(link)

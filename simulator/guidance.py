@@ -1,7 +1,7 @@
-"""Goals that a vehicle flies, as frozen data, and the velocity that each asks for.
+"""Goals that a vehicle flies, as frozen data, and the velocity each requires.
 
-A goal says where to go; ``wish`` turns it into a velocity and ``finished`` says when it is done. The body's limits do
-the rest. A ``GoalFollower`` flies a queue of goals.
+A goal describes a flight; ``compute_desired_velocity`` turns it into a velocity and ``is_finished`` reports its
+completion. The body applies its limits. A ``GoalFollower`` flies a queue of goals.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from simulator import leg_trajectories
 from simulator.physics import Body, Limits, Place, PositionDrift, Velocity
 
 BRAKE_MARGIN = 0.7
-"""Share of the braking power that a planned stop uses; the rest corrects."""
+"""Share of braking power that a planned stop uses; the rest is for corrections."""
 NEAR_PER_S = 1.5
 """Approach speed per remaining metre, in the last metres before a stop."""
 CROSS_TRACK_PER_S = 0.8
@@ -24,9 +24,9 @@ STOPPED_M = 0.3
 STOPPED_M_S = 0.3
 """Speed and distance below which a stop is complete."""
 CLIMBED_M = 0.15
-"""Recorded: ArduPilot's take-off to 25 m is over at 24.84 m."""
+"""Tolerance at the top of a climb. Recorded: ArduPilot's take-off to 25 m ends at 24.84 m."""
 RIDE_PER_S = 2.0
-"""Rate at which a vehicle closes in on a target that moves by the clock."""
+"""Rate at which a vehicle closes in on a moving target."""
 RIDE_M_S2 = 8.0
 RIDE_M = 1.5
 RIDE_M_S = 1.0
@@ -34,8 +34,8 @@ RIDE_M_S = 1.0
 ON_CIRCLE_M = 2.0
 RESTART_M_S = 0.4
 RESTART_M_S2 = 0.8
-"""ArduPilot's leg after a restart: measured, the speed dips from 4.9 to 1.4-1.9 m/s and is back within about 4 s; with
-a restart every second it crawls at 0.8 m/s."""
+"""Acceleration of ArduPilot's leg after a restart. Measured: the speed dips from 4.9 to 1.4-1.9 m/s and recovers within
+about 4 s; with a restart every second it crawls at 0.8 m/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class SpoolUp:
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """Go straight up or down to a height, over a point."""
+    """Climb or descend vertically to a height."""
 
     place: Place
     speed_m_s: float
@@ -56,7 +56,7 @@ class Climb:
     """Height up to which it climbs at ``slow_m_s`` at most."""
     accept_m: float = CLIMBED_M
     brakes: tuple[float, float] | None = None
-    """Acceleration and jerk for its end; None for the limits'."""
+    """Acceleration and jerk at the end of the climb; None: those of the limits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +75,15 @@ class Leg:
     """Speed on the first part, if a slow-down takes effect late."""
     entry_m: float = 0.0
     restarted: bool = False
-    """Whether the speed ramps up anew although the vehicle is moving."""
+    """Whether the speed ramps up again although the vehicle is moving."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimedLeg:
-    """Follow a target that moves by the clock, from leg to leg."""
+    """Follow a moving target, timed by the clock, from leg to leg."""
 
     leg: Leg
-    """The same as a plain leg, once the clock is lost."""
+    """Equivalent plain leg, flown once the vehicle has lost the timed target."""
     base: Place
     strands: tuple[leg_trajectories.DelayedCurve, ...]
     lasts_s: float
@@ -91,7 +91,7 @@ class TimedLeg:
 
 @dataclass(frozen=True, slots=True)
 class Hover:
-    """Stay at a point, for so long or for good."""
+    """Hold a point, for a time or indefinitely."""
 
     place: Place
     seconds: float = math.inf
@@ -99,7 +99,7 @@ class Hover:
 
 @dataclass(frozen=True, slots=True)
 class ThrottleDescent:
-    """Keep the point and lose height: a mode that follows a throttle stick which nobody holds."""
+    """Hold position and descend: a stick mode with the throttle low and no pilot."""
 
     place: Place
     speed_m_s: float
@@ -107,14 +107,14 @@ class ThrottleDescent:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Fly at a velocity, as long as nobody says otherwise."""
+    """Fly at a velocity until another goal is set."""
 
     velocity: Velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """Go straight to a circle, and then round on it."""
+    """Fly straight to a circle, then along it."""
 
     centre: Place
     radius_m: float
@@ -133,14 +133,14 @@ class Land:
     slow_from_m: float
     """Height below which the descent is slow."""
     fast_from_m: float
-    """Height above which it is fast; it slows down in between."""
+    """Height above which the descent is fast; it slows down in between."""
 
 
 Goal = SpoolUp | Climb | Leg | TimedLeg | leg_trajectories.Px4Leg | Hover | ThrottleDescent | Drift | Circle | Land
 
 
 def find_target(goal: Goal | None) -> Place | None:
-    """Return where a goal ends, or None where it has no such place."""
+    """Return where a goal ends, or None if it has no end point."""
     match goal:
         case Leg() | leg_trajectories.Px4Leg():
             return goal.target
@@ -155,12 +155,12 @@ def find_target(goal: Goal | None) -> Place | None:
 
 
 def distance_m(a: Place, b: Place) -> float:
-    """Return the straight distance."""
+    """Return the straight-line distance."""
     return a.subtract(b).length_m
 
 
 def find_stopping_place(body: Body, limits: Limits) -> Place:
-    """Return where the vehicle comes to rest when it brakes now."""
+    """Return where the vehicle stops if it brakes now."""
     share = body.ground_speed_m_s / (2 * limits.brake_m_s2 * BRAKE_MARGIN)
     up = abs(body.v_up_m_s) / (2 * limits.vertical_m_s2)
     return Place(
@@ -171,10 +171,10 @@ def find_stopping_place(body: Body, limits: Limits) -> Place:
 
 
 def corner_speed_m_s(before: Leg, after: Place, limits: Limits, cut_m: float) -> float:
-    """Return the speed at which the corner at the end of ``before`` can be flown, cutting it by at most ``cut_m``.
+    """Return the speed for flying the corner at the end of ``before``, cutting it by at most ``cut_m``.
 
-    The arc that touches both legs and passes ``cut_m`` from the corner of turn angle phi has the radius
-    cut / (1 / cos(phi / 2) - 1); the planned lateral acceleration gives the speed.
+    The arc that touches both legs and passes ``cut_m`` from the corner of turn angle phi has the radius cut / (1 /
+    cos(phi / 2) - 1); the planned lateral acceleration gives the speed.
     """
     one = (before.target.east_m - before.origin.east_m, before.target.north_m - before.origin.north_m)
     two = (after.east_m - before.target.east_m, after.north_m - before.target.north_m)
@@ -191,7 +191,7 @@ def corner_speed_m_s(before: Leg, after: Place, limits: Limits, cut_m: float) ->
 
 
 def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
-    """Return the velocity that the goal asks for, ``age_s`` after it was begun."""
+    """Return the velocity that the goal requires ``age_s`` after its start."""
     match goal:
         case SpoolUp() | leg_trajectories.Px4Leg():
             return Velocity()
@@ -249,7 +249,7 @@ def is_finished(goal: Goal, body: Body, age_s: float) -> bool:
 
 
 def can_join_timed_leg(ride: TimedLeg, body: Body) -> bool:
-    """Return whether a vehicle is near enough to a ride's beginning, and fast enough for it."""
+    """Return whether a vehicle is near enough to a timed leg's start, and fast enough, to join it."""
     place, velocity = leg_trajectories.compute_target(ride.base, ride.strands, 0.0)
     return distance_m(place, body.place) < RIDE_M and math.dist(body.velocity, velocity) < RIDE_M_S
 
@@ -319,7 +319,7 @@ def _compute_leg_velocity(leg: Leg, body: Body, age_s: float, limits: Limits) ->
     back, most = math.hypot(back_east, back_north), max(speed, 1.0)
     if back > most:
         back_east, back_north, back = back_east * most / back, back_north * most / back, most
-    # Both together are not faster than the leg allows.
+    # The combined speed must not exceed the leg's.
     speed = min(speed, math.sqrt(most**2 - back**2))
     up = _vertical_speed_m_s(leg.origin.up_m + rise * share, body, limits) + (
         rise / length * speed if 0 < share < 1 else 0.0
@@ -328,7 +328,7 @@ def _compute_leg_velocity(leg: Leg, body: Body, age_s: float, limits: Limits) ->
 
 
 class GoalFollower:
-    """Flies goals one after the other."""
+    """Fly goals one after the other."""
 
     def __init__(self, body: Body, limits: Limits, wander: PositionDrift | None = None) -> None:
         self.body = body
@@ -344,16 +344,16 @@ class GoalFollower:
 
     @property
     def goal(self) -> Goal | None:
-        """The goal under way; None when all are reached."""
+        """Current goal; None when all are finished."""
         return self._goals[0] if self._goals else None
 
     def fly(self, goals: Iterable[Goal]) -> None:
-        """Drop what was under way and begin anew."""
+        """Drop the current goals and start new ones."""
         self._goals = deque(goals)
         self._age_s = 0.0
 
     def change_speed(self, speed_m_s: float) -> None:
-        """Fly the line under way at another speed from now on."""
+        """Fly the current leg at another speed from now on."""
         match self.goal:
             case Leg() as leg:
                 self._goals[0] = replace(leg, speed_m_s=speed_m_s, entry_m_s=None)
@@ -363,11 +363,11 @@ class GoalFollower:
                 self._goals[0] = replace(glide, speed_m_s=speed_m_s)
 
     def hold(self) -> None:
-        """Brake and stay."""
+        """Brake and hold."""
         self.fly([Hover(find_stopping_place(self.body, self.limits))])
 
     def step(self, dt_s: float) -> None:
-        """Fly for ``dt_s``; without a goal the vehicle keeps its place."""
+        """Fly for ``dt_s``; without a goal the vehicle holds position."""
         goal = self.goal or Hover(self.body.place)
         self._age_s += dt_s
         self._now_s += dt_s
@@ -379,7 +379,7 @@ class GoalFollower:
             limits = self._riding if isinstance(goal, TimedLeg) else self.limits
             wanted = compute_desired_velocity(goal, self.body, self._age_s, limits)
             if isinstance(goal, Climb):
-                # Its trajectory stands still over the ground, so that no swing is ahead of it.
+                # Its trajectory is stationary over the ground, so there is no drift to anticipate.
                 wanted = wanted._replace(
                     up_m_s=wanted.up_m_s * leg_trajectories.moving_share(*self._wander.offset_m(self._now_s))
                 )

@@ -17,7 +17,7 @@ PLACE_BITS, VELOCITY_BITS = 0b000_111, 0b111_000
 
 
 class GuidedFlight:
-    """Flies where it is told, from the ground or not at all."""
+    """Fly commanded goals while in the air and intact."""
 
     def __init__(self, frame: Airframe, home: Home, limits: Limits) -> None:
         self._frame, self._home, self._limits = frame, home, limits
@@ -28,11 +28,11 @@ class GuidedFlight:
 
     @property
     def may_move(self) -> bool:
-        """Whether it is in the air, and whole."""
+        """Whether it is in the air and intact."""
         return self._frame.armed and not self._frame.wrecked and not self._frame.body.on_ground
 
     def locate(self, place_e7: tuple[int, int], z_m: float, frame: int) -> Place | None:
-        """Return the local place of latitude, longitude and height; None for one that means nothing."""
+        """Return the local place of latitude, longitude and height; None for invalid values."""
         if frame not in ABSOLUTE | RELATIVE or not math.isfinite(z_m):
             return None
         up_m = z_m if frame in RELATIVE else z_m - self._home.alt_m
@@ -41,25 +41,25 @@ class GuidedFlight:
         return self._home.place_of(lat_e7, lon_e7, up_m) if known else None
 
     def go(self, place: Place, speed_m_s: float) -> None:
-        """Fly straight to a place, and stay there."""
+        """Fly straight to a place, and hold there."""
         if self.may_move:
             here = find_stopping_place(self._frame.body, self._limits)
             leg = Leg(here, place, self._frame.achieved_speed_m_s(speed_m_s), accept_m=0.0)
             self._frame.pilot.fly([leg, Hover(place)])
 
     def go_round(self, centre: Place, radius_m: float, speed_m_s: float, approach_m_s: float) -> None:
-        """Fly to a circle and then round on it, clockwise at a speed above 0."""
+        """Fly to a circle and then along it, clockwise at a speed above 0."""
         if self.may_move:
             speed_m_s = self._frame.achieved_speed_m_s(speed_m_s)
             self._frame.pilot.fly([Circle(centre, radius_m, speed_m_s, self._frame.achieved_speed_m_s(approach_m_s))])
 
     def note(self, point: SetPoint, now_s: float) -> bool:
-        """Keep what a set-point says; returns whether it says anything."""
+        """Store a set-point; returns whether it contains a target."""
         self.heard_s, self.last = now_s, self._read(point)
         return self.last is not None
 
     def follow(self, speed_m_s: float) -> None:
-        """Fly as the last set-point says: to a place at this speed at most, or at its own."""
+        """Follow the last set-point: to a place at this speed at most, or at its own velocity."""
         match self.last:
             case Vector() if find_target(self._frame.pilot.goal) != self.last:
                 self.go(self.last, speed_m_s)
@@ -85,7 +85,7 @@ class GuidedFlight:
         return here.add(Place(east, north, -z)) if point.frame in OFFSETS else None
 
     def _turn(self, point: SetPoint, north: float, east: float) -> tuple[float, float]:
-        """Return north and east of what may be ahead and to the right."""
+        """Return north and east of components that may be ahead and to the right."""
         if not (point.local and point.frame in BODY):
             return north, east
         sine, cosine = math.sin(self._frame.body.yaw_rad), math.cos(self._frame.body.yaw_rad)

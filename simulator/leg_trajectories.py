@@ -1,15 +1,14 @@
-"""How a leg is flown: ArduPilot's target moves by the clock, PX4's trajectory waits for the vehicle.
+"""Leg trajectories: ArduPilot's target moves by the clock, PX4's trajectory waits for the vehicle.
 
-ArduPilot plans every leg from rest to rest (AC_WPNav.cpp, SCurve.cpp): its target speeds up in ``ramp_s``, cruises, and
-slows down again. At a corner that is flown through, the next leg's target begins while this one's slows down; the
-vehicle follows the sum of both. Measured on Copter 4.7-dev: legs of 3 to 300 m last as computed, within 0.1 s.
+ArduPilot plans every leg from rest to rest (AC_WPNav.cpp, SCurve.cpp): its target accelerates for ``ramp_s``, cruises,
+and decelerates. At a fly-through corner the next leg's target starts while this one's decelerates; the vehicle follows
+the sum of both. Measured on Copter 4.7-dev: legs of 3 to 300 m take the computed time within 0.1 s.
 
-PX4 flies the nearer to a leg's end, the slower, with limited jerk, and stops for every doubt: after
-VelocitySmoothing.cpp (three phases of constant jerk, the second with none), FlightTaskAuto.cpp and
-PositionSmoothing.cpp of PX4 v1.17 with its default parameters. A trajectory runs ahead, and waits for a vehicle that
-lags behind it, or swings beside it; a vehicle farther from its line than the waypoint's acceptance radius flies back to
-it first. Checked against legs of PX4's own simulator, the median of several flights each: they last as long as there
-within a second.
+PX4 slows down towards a leg's end with limited jerk, and stops in all unclear cases: after VelocitySmoothing.cpp (three
+phases of constant jerk, the second with none), FlightTaskAuto.cpp and PositionSmoothing.cpp of PX4 v1.17 with its
+default parameters. A trajectory runs ahead, and waits for a vehicle that lags behind it or drifts off to its side; a
+vehicle farther from its line than the waypoint's acceptance radius flies back to it first. Checked against legs of
+PX4's own simulator, the median of several flights each: durations agree within a second.
 """
 
 from __future__ import annotations
@@ -24,16 +23,16 @@ from simulator.physics import Body, Place, PositionDrift, Vector, Velocity
 JERK_M_S3 = 1.0
 """WPNAV_JERK."""
 SNAP_S = 0.3
-"""How long the jerk takes to build up: twice ATC_INPUT_TC, for the planned snap is half of what the vehicle can."""
+"""Time in which the jerk builds up: twice ATC_INPUT_TC, as the planned snap is half of the vehicle's."""
 ACCELERATE_Z_M_S2 = 1.0
 """WPNAV_ACCEL_Z."""
 TURN_S = 0.45
-"""Measured: a leg that begins with a turn on the spot by an angle lasts longer by this, times (1 - its cosine)."""
+"""Extra time of a leg that begins with a turn on the spot, times (1 - cosine of the angle); measured."""
 SEARCH_S = 0.05
 
 
 class TargetState(NamedTuple):
-    """Where the target is on its line, and how it moves."""
+    """Position on the line, speed and acceleration of a target."""
 
     done_m: float
     speed_m_s: float
@@ -42,27 +41,27 @@ class TargetState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LegLimits:
-    """What a vehicle is asked for at most."""
+    """Limits requested of a vehicle."""
 
     level_m_s: float
     up_m_s: float
     down_m_s: float
     accelerate_m_s2: float
     corner_m: float
-    """WPNAV_RADIUS: how far a corner may be cut."""
+    """WPNAV_RADIUS: maximum distance by which a corner is cut."""
 
     def speed_m_s(self, way: Vector) -> float:
-        """Return the greatest speed along a line (kinematic_limit in control.cpp)."""
+        """Return the maximum speed along a line (kinematic_limit in control.cpp)."""
         return _combine_limits(way, self.level_m_s, self.up_m_s if way.up_m > 0 else self.down_m_s)
 
     def acceleration_m_s2(self, way: Vector) -> float:
-        """Return the greatest acceleration along a line."""
+        """Return the maximum acceleration along a line."""
         return _combine_limits(way, self.accelerate_m_s2, ACCELERATE_Z_M_S2)
 
 
 @dataclass(frozen=True, slots=True)
 class SCurve:
-    """A straight line from rest to rest, by the clock."""
+    """A straight line from rest to rest, timed by the clock."""
 
     way: Vector
     top_m_s: float
@@ -70,7 +69,7 @@ class SCurve:
 
     @classmethod
     def build(cls, way: Vector, pace: LegLimits) -> SCurve:
-        """Return the way that is flown as fast as the pace allows."""
+        """Build the curve that flies ``way`` as fast as the pace allows."""
         top, most, length = pace.speed_m_s(way), pace.acceleration_m_s2(way), way.length_m
         if top * ramp_s(top, most) > length:
             low = 0.0
@@ -81,11 +80,11 @@ class SCurve:
 
     @property
     def duration_s(self) -> float:
-        """From rest to rest."""
+        """Time from rest to rest."""
         return self.way.length_m / self.top_m_s + self.ramp_s
 
     def state_at(self, age_s: float) -> TargetState:
-        """Return where its target is."""
+        """Return the target's state at an age."""
         age_s = min(max(age_s, 0.0), self.duration_s)
         left_s = self.duration_s - age_s
         if left_s < self.ramp_s:
@@ -104,14 +103,14 @@ class SCurve:
 
 @dataclass(frozen=True, slots=True)
 class DelayedCurve:
-    """A curve that begins so long after the leg; before it for one that has begun already."""
+    """A curve with its delay after the leg's start; negative if it has already started."""
 
     curve: SCurve
     begins_s: float
 
 
 def ramp_s(speed_m_s: float, most_m_s2: float) -> float:
-    """Return how long it takes from rest to a speed."""
+    """Return the time from rest to a speed."""
     peak = JERK_M_S3 / 2 * (math.sqrt(SNAP_S**2 + 4 * speed_m_s / JERK_M_S3) - SNAP_S)
     if peak < most_m_s2:
         return 2 * (SNAP_S + peak / JERK_M_S3)
@@ -119,10 +118,10 @@ def ramp_s(speed_m_s: float, most_m_s2: float) -> float:
 
 
 def overlap_s(one: SCurve, two: SCurve, pace: LegLimits) -> float:
-    """Return by how much the second of two legs begins before the first one ends (advance_target_along_track).
+    """Return how long before the end of one leg the next begins (advance_target_along_track).
 
-    Half-way through the turn the target must be near enough to the corner, slower than on either leg, and not too
-    curved.
+    Half-way through the turn the target must be near enough to the corner, slower than on either leg, and within the
+    limit of curvature.
     """
     lasts_s = min(one.ramp_s, two.ramp_s)
     ahead, after = one.way.scale(1 / one.way.length_m), two.way.scale(1 / two.way.length_m)
@@ -144,12 +143,12 @@ def overlap_s(one: SCurve, two: SCurve, pace: LegLimits) -> float:
 
 
 def turn_s(turn_rad: float) -> float:
-    """Return what a turn on the spot costs the leg after it."""
+    """Return the extra time that a turn on the spot adds to the next leg."""
     return TURN_S * (1 - math.cos(turn_rad))
 
 
 def compute_target(base: Place, strands: tuple[DelayedCurve, ...], age_s: float) -> tuple[Place, Velocity]:
-    """Return where the target of several strands is and how it moves, ``base`` being where the first one begins."""
+    """Return position and velocity of the target of several strands; ``base`` is where the first begins."""
     place, velocity = base, Vector(0.0, 0.0, 0.0)
     for strand in strands:
         moment, way = strand.curve.state_at(age_s - strand.begins_s), strand.curve.way
@@ -176,7 +175,7 @@ class Axis:
     speed_m_s: float = 0.0
     accelerates_m_s2: float = 0.0
     jerk_m_s3: float = 0.0
-    """The jerk that it plans with."""
+    """Jerk used for planning."""
     wish_m_s: float = 0.0
     phases_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     way: float = 0.0
@@ -184,14 +183,14 @@ class Axis:
 
     @property
     def duration_s(self) -> float:
-        """How long it takes to reach the wish."""
+        """Time until it reaches the desired speed."""
         return sum(self.phases_s)
 
     def plan_speed(self, wish_m_s: float, accelerate_m_s2: float, jerk_m_s3: float) -> None:
-        """Go for a speed as fast as the limits allow."""
+        """Plan to reach a speed as fast as the limits allow."""
         self.wish_m_s, self.jerk_m_s3 = wish_m_s, jerk_m_s3
         now = self.accelerates_m_s2
-        # The speed when the present acceleration has faded out.
+        # Speed once the present acceleration has decayed.
         faded = self.speed_m_s + now * abs(now) / (2 * jerk_m_s3)
         self.way = _sign(wish_m_s - faded) or _sign(now)
         if not self.way:
@@ -214,7 +213,7 @@ class Axis:
         self.phases_s = (first, second, third)
 
     def stretch_plan(self, lasts_s: float, accelerate_m_s2: float) -> None:
-        """Take longer, so that all axes are ready at the same time."""
+        """Stretch the plan so that all axes finish at the same time."""
         if not self.way:
             return
         jerk, now = self.way * self.jerk_m_s3, self.accelerates_m_s2
@@ -251,7 +250,7 @@ class Axis:
 def braking_speed_m_s(left_m: float, accelerate_m_s2: float, jerk_m_s3: float, exit_m_s: float = 0.0) -> float:
     """Return the speed from which ``exit_m_s`` is reached in ``left_m`` (computeMaxSpeedFromDistance in TrajMath.hpp).
 
-    Jerk is reckoned with as a delay of two full swings of the acceleration.
+    Jerk counts as a delay of two full swings of the acceleration.
     """
     delay = 4 * accelerate_m_s2**2 / jerk_m_s3
     speed = (math.sqrt(delay**2 + 4 * (2 * accelerate_m_s2 * left_m + exit_m_s**2)) - delay) / 2
@@ -283,16 +282,16 @@ LEVEL = 3.0
 UP, DOWN = (4.0, 3.0), (3.0, 1.5)
 """Acceleration and speed: MPC_ACC_UP_MAX, MPC_Z_V_AUTO_UP; MPC_ACC_DOWN_MAX, MPC_Z_V_AUTO_DN."""
 CORNER = 0.5
-"""MPC_XY_TRAJ_P: the share of LEVEL that corners are planned with."""
+"""MPC_XY_TRAJ_P: share of LEVEL used for planning corners."""
 HEIGHT_M = 0.8
-"""NAV_MC_ALT_RAD: an item is reached within this of its height."""
+"""NAV_MC_ALT_RAD: height tolerance of a reached item."""
 LAG_M = 2.0
-"""MPC_XY_ERR_MAX: the trajectory stands still when the vehicle is this far behind."""
+"""MPC_XY_ERR_MAX: lag of the vehicle at which the trajectory stops."""
 AHEAD_M = 5.0
-"""A turning vehicle aims at its line this far ahead."""
+"""Distance ahead on its line at which a turning vehicle aims."""
 SLOW_M_S = 0.5
 NAVIGATOR_S = 0.3
-"""Measured: from an item being reached to the vehicle's going for the next."""
+"""Time from reaching an item to flying to the next (measured)."""
 FOLLOW_PER_S = (0.95, 0.95, 1.0)
 """MPC_XY_P, MPC_Z_P."""
 PUSH_PER_S = (1.8, 1.8, 4.0)
@@ -302,20 +301,20 @@ GATHER_PER_S2 = (0.4, 0.4, 2.0)
 DAMP = (0.2, 0.2, 0.0)
 """MPC_XY_VEL_D_ACC, MPC_Z_VEL_D_ACC."""
 LEAN_S = 0.15
-"""From a wish for acceleration to the vehicle's leaning for it."""
+"""Delay from a desired acceleration to the tilt."""
 DRAG_PER_S = 1.0
-"""Its simulator's: SIH_KDV 1 on SIH_MASS 1. At 10 m/s it leans as far as it may."""
+"""Drag of its simulator: SIH_KDV 1 on SIH_MASS 1. At 10 m/s it tilts to its limit."""
 PUSH_MOST_M_S2 = 9.0
 
 
 @dataclass(frozen=True, slots=True)
 class Px4Leg:
-    """Fly to a waypoint and stay there for a while, the way that PX4 does."""
+    """Fly to a waypoint and hold there for a while, as PX4 does."""
 
     origin: Place
     target: Place
     after: Place | None
-    """Where it goes next without stopping at the target; None if it stops."""
+    """Next place if it does not stop at the target; None if it stops."""
     speed_m_s: float
     accept_m: float
     hold_s: float
@@ -323,7 +322,7 @@ class Px4Leg:
 
 @dataclass(slots=True)
 class _Line:
-    """What it flies along at the moment: not always from the origin to the target."""
+    """Line flown at present: not always from the origin to the target."""
 
     origin: Place
     target: Place
@@ -331,7 +330,7 @@ class _Line:
 
 
 class Px4Trajectory:
-    """The trajectory, and a vehicle that follows it; it lasts from leg to leg."""
+    """The trajectory, and a vehicle that follows it; it persists from leg to leg."""
 
     def __init__(self, body: Body, wander: PositionDrift) -> None:
         self._wander = wander
@@ -350,7 +349,7 @@ class Px4Trajectory:
         """Move the body for ``dt_s`` from ``now_s`` on.
 
         Returns:
-            Whether the goal has been reached, and its hold is over.
+            Whether the goal is reached and its hold is over.
         """
         if goal is not self._goal:
             if self._goal is None or (goal.origin, goal.target) != (self._goal.origin, self._goal.target):
@@ -361,7 +360,7 @@ class Px4Trajectory:
         if self._age_s > NAVIGATOR_S:
             self._find_line(goal, here)
         self._plan_speeds(goal)
-        follows = self._follow(body, dt_s)  # both take one step from the same moment
+        follows = self._follow(body, dt_s)  # both advance one step from the same moment
         self._advance(here, now_s, dt_s)
         body.carry(follows, dt_s)
         east, north, up = (a - b for a, b in zip(goal.target, body.place, strict=True))
@@ -370,7 +369,7 @@ class Px4Trajectory:
         return self._reached_s is not None and self._age_s - self._reached_s >= goal.hold_s
 
     def _find_line(self, goal: Px4Leg, here: Place) -> None:
-        """Choose what to fly along (_getCurrentState, _updateInternalWaypoints)."""
+        """Choose the line to fly (_getCurrentState, _updateInternalWaypoints)."""
         origin, target, after = goal.origin, goal.target, goal.after or goal.target
         length, done, nearest = math.dist(origin, target), 0.0, origin
         if length > 0:
@@ -397,7 +396,7 @@ class Px4Trajectory:
         self._state = state
 
     def _plan_speeds(self, goal: Px4Leg) -> None:
-        """Choose the speeds that the axes go for (_generateVelocitySetpoint)."""
+        """Choose the target speeds of the axes (_generateVelocitySetpoint)."""
         line, here = self._line, Place(*(axis.at_m for axis in self._axes))
         level, upright = self._horizontal_speed_m_s(goal, here), self._vertical_speed_m_s(here)
         aim = line.target
@@ -469,7 +468,7 @@ class Px4Trajectory:
         return nearest.add(ahead.scale(math.sqrt(max(reach, 0.0))))
 
     def _advance(self, here: Place, now_s: float, dt_s: float) -> None:
-        """Move the trajectory, less the farther the vehicle seems to be off it, unless it seems to be ahead."""
+        """Advance the trajectory, by less the farther off the vehicle seems, unless it seems to be ahead."""
         off_m = self._wander.offset_m(now_s)
         east, north = self._axes[0].at_m - here[0] - off_m[0], self._axes[1].at_m - here[1] - off_m[1]
         behind = east * self._axes[0].speed_m_s + north * self._axes[1].speed_m_s >= 0
@@ -478,7 +477,7 @@ class Px4Trajectory:
             axis.advance(dt_s * share)
 
     def _follow(self, body: Body, dt_s: float) -> Velocity:
-        """Return the velocity with which the vehicle follows (PositionControl.cpp, and a body with drag)."""
+        """Return the velocity of the following vehicle (PositionControl.cpp, and a body with drag)."""
         moves = body.velocity
         speeds = []
         for index, (axis, at_m, speed) in enumerate(zip(self._axes, body.place, moves, strict=True)):
@@ -497,12 +496,12 @@ class Px4Trajectory:
 
 
 def moving_share(east_m: float, north_m: float) -> float:
-    """Return the share of its time in which a trajectory moves on for a vehicle that is so far off it."""
+    """Return the share of time in which a trajectory advances for a vehicle with this offset."""
     return 1 - min(math.hypot(east_m, north_m) / LAG_M, 1.0)
 
 
 def _corner_angle_rad(start: Sequence[float], corner: Sequence[float], end: Sequence[float]) -> float:
-    """Return the angle between the ways from a corner back and onward, seen from above; straight on is pi."""
+    """Return the horizontal angle between the lines from a corner back and onward; straight on is pi."""
     back = (start[0] - corner[0], start[1] - corner[1])
     onward = (end[0] - corner[0], end[1] - corner[1])
     lengths = math.hypot(*back) * math.hypot(*onward)

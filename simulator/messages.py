@@ -1,7 +1,7 @@
-"""Messages between vehicle and ground station, independent of the wire.
+"""Messages between vehicle and ground station, independent of the wire format.
 
-What comes in is typed, for decisions hang on it. What goes out is a MAVLink message by its name and fields; the wire
-refuses a name or field that MAVLink does not have, and a test sends every one of them.
+Incoming messages are typed, as decisions depend on them. An outgoing message is a MAVLink name with fields; the wire
+module refuses a name or field that MAVLink does not have, and a test sends every one of them.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class MissionResult(IntEnum):
 
 
 class MavCommand(IntEnum):
-    """MAV_CMD of commands, as far as understood."""
+    """MAV_CMD of supported commands."""
 
     NAV_LOITER_UNLIM = 17
     NAV_RETURN_TO_LAUNCH = 20
@@ -129,7 +129,7 @@ TEXT_CHUNK = 50
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Who speaks."""
+    """A sender or receiver."""
 
     sysid: int
     compid: int
@@ -155,7 +155,7 @@ class Command:
 
     @property
     def place_e7(self) -> tuple[int, int] | None:
-        """Latitude and longitude in 1e-7 degrees; None where it names none."""
+        """Latitude and longitude in 1e-7 degrees; None if it names none."""
         x, y = self.params[4], self.params[5]
         if not (math.isfinite(x) and math.isfinite(y)) or (self.frame is not None and x == y == INT32_MAX):
             return None
@@ -200,7 +200,7 @@ class MissionCount:
 
 @dataclass(frozen=True, slots=True)
 class MissionWritePartialList:
-    """MISSION_WRITE_PARTIAL_LIST: some of the items on board are sent anew."""
+    """MISSION_WRITE_PARTIAL_LIST: announces new versions of some items on board."""
 
     first: int
     last: int
@@ -234,7 +234,7 @@ class MissionRequestList:
 
 @dataclass(frozen=True, slots=True)
 class MissionRequest:
-    """MISSION_REQUEST or MISSION_REQUEST_INT: the ground station wants an item."""
+    """MISSION_REQUEST or MISSION_REQUEST_INT: the ground station requests an item."""
 
     seq: int
     mission_type: int
@@ -347,7 +347,7 @@ Body = (
 
 
 def describe_order(body: Body) -> str:
-    """Return what a message orders, as a truth says it; empty for one that changes nothing.
+    """Return the change that a message commands, in a truth's words; empty if it changes nothing.
 
     >>> describe_order(Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     'order command 400 1'
@@ -374,7 +374,7 @@ def describe_order(body: Body) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """One message from somebody."""
+    """A received message and its addressing."""
 
     sender: Peer
     body: Body
@@ -384,7 +384,7 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class Outbound:
-    """One message to everybody who listens."""
+    """An outgoing message to every listener."""
 
     name: str
     fields: Mapping[str, FieldValue]
@@ -404,11 +404,11 @@ def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
 
 
 WITHHELD_TEXTS = 20
-"""Most texts kept until a ground station listens again."""
+"""Most texts kept until a ground station is heard again."""
 
 
 class VehicleOutbox:
-    """Collects messages until they are taken away."""
+    """Collect messages until they are drained."""
 
     def __init__(self, *, tab: bool) -> None:
         self._outbox: list[tuple[int | None, Outbound]] = []
@@ -421,18 +421,18 @@ class VehicleOutbox:
         """Whether texts are withheld, as PX4 does while no ground station is heard."""
 
     def send(self, messages: Iterable[Outbound], link: int | None = None) -> None:
-        """Send messages over one of its links, or over all."""
+        """Send messages on one link, or on all."""
         self._outbox.extend((link, message) for message in messages)
 
     def send_text(self, severity: int, text: str) -> None:
-        """Send a text, in parts when it is long."""
+        """Send a text, in chunks if it is long."""
         self._texts += 1
         raw = (text + self._tab).encode("ascii", errors="replace")
         chunks = [raw[start : start + TEXT_CHUNK] for start in range(0, len(raw), TEXT_CHUNK)] or [b""]
         if len(raw) % TEXT_CHUNK == 0 and len(chunks) > 1:
-            # A last part of full length has no terminating zero: without an empty one the reader would wait for more.
+            # A full last chunk has no terminating zero: without an empty chunk the reader would wait for more.
             chunks.append(b"")
-        # What ties the parts of a long text together; a short text is sent with 0, as ArduPilot does.
+        # Id that joins the chunks of a long text; a short text is sent with 0, as ArduPilot does.
         tie = (self._texts - 1) % 65535 + 1 if len(chunks) > 1 else 0
         parts = [
             build_message("STATUSTEXT", severity=severity, text=chunk, id=tie, chunk_seq=number)
@@ -444,12 +444,12 @@ class VehicleOutbox:
             self.send(parts)
 
     def release_withheld(self) -> None:
-        """Send the texts that were kept back."""
+        """Send the withheld texts."""
         self.muted = False
         self.send(self._withheld)
         self._withheld.clear()
 
     def drain(self) -> list[tuple[int | None, Outbound]]:
-        """Take away what is to be sent, and over which of its links; None is all of them."""
+        """Remove and return the messages to send, each with its link; None is all links."""
         messages, self._outbox = self._outbox, []
         return messages

@@ -1,4 +1,4 @@
-"""How ArduPilot flies a mission in AUTO, with the habits that were measured on Copter 4.7-dev."""
+"""ArduPilot's mission flight in AUTO, with the behaviour measured on Copter 4.7-dev."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from simulator.physics import Home, Place
 from simulator.store_ardupilot import ArduPilotStore
 
 LATE_SLOWDOWN_M = 22.5
-"""Distance for which the old speed holds after a fly-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m 82
-s."""
+"""Distance of the old speed after a fly-through corner. Measured: 60 m at '1 m/s' in 42 s, 100 m in 82 s."""
 NEVER_SLOWS_M = 2 * LATE_SLOWDOWN_M
 """Leg length up to which the slow-down never takes effect: 40 m took 9.6 s."""
 NAMES = {
@@ -30,7 +29,7 @@ NAMES = {
     Command.VIDEO_START_CAPTURE: "VideoStartCapture", Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
 }  # fmt: skip
 PASS_S = 0.4
-"""Time before a corner at which it is passed. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
+"""Time before a corner at which it passes it. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
 SETTLES_S = 0.4
 """Additional time of the leg after a take-off (measured)."""
 UPRIGHT_S = 0.6
@@ -41,11 +40,11 @@ APPROACH_M = 1.1
 """Height above LAND_ALT_LOW plus 0.5 m in which the descent slows down as if to stop."""
 CM = 0.01
 CONE_LEAST_M = 2.0
-"""Least height of the RTL cone (RTL_ALT_MIN of the source)."""
+"""Minimum height of the RTL cone (RTL_ALT_MIN in the source)."""
 
 
 class ArduPilotMission:
-    """What AUTO does."""
+    """Behaviour of AUTO."""
 
     def __init__(
         self,
@@ -67,28 +66,28 @@ class ArduPilotMission:
         self._origin: Place | None = None
         """Start of the next leg's line after a fly-through or a stop; None: the vehicle's position."""
         self._passed_m_s: float | None = None
-        """Speed of the last leg, if its end was flown through."""
+        """Speed of the last leg, if its end is a fly-through."""
         self._turning: tuple[Place, SCurve, float] | None = None
-        """Start of the last leg, its curve and the lead of the next, if its end is flown through."""
+        """Start of the last leg, its curve and the next leg's lead, if its end is a fly-through."""
         self._reached = 0
         self._paused = False
         self._nothing_left = False
-        """Whether the end of the list before the present item was reported."""
+        """Whether it has reported that the list ends before the present item."""
 
     @property
     def state(self) -> MissionState:
-        """What MISSION_CURRENT says: leaving AUTO makes it 'not started', only DO_PAUSE_CONTINUE 'paused'."""
+        """State in MISSION_CURRENT: leaving AUTO makes it 'not started', only DO_PAUSE_CONTINUE 'paused'."""
         if self._paused:
             return MissionState.PAUSED
         return MissionState.NO_MISSION if self._store.count <= 1 else self._state
 
     @property
     def is_running(self) -> bool:
-        """Whether items are being flown."""
+        """Whether it is flying items."""
         return self._state is MissionState.ACTIVE
 
     def is_takeoff_next(self) -> bool:
-        """Return whether the item that a start would fly is a take-off."""
+        """Return whether the next item to start is a take-off."""
         seq = self._find_resume_seq()
         while (item := self._store.item_at(seq)) is not None and item.command in DONE_IN_PASSING:
             seq += 1
@@ -96,7 +95,7 @@ class ArduPilotMission:
 
     @property
     def speed_m_s(self) -> float:
-        """What it flies at where it can."""
+        """Cruise speed where it can be reached."""
         return self._frame.achieved_speed_m_s(self.asked_m_s)
 
     def enter(self) -> None:
@@ -106,14 +105,14 @@ class ArduPilotMission:
         self._start(self._find_resume_seq())
 
     def leave(self) -> None:
-        """Stop flying items; the index is kept, and the nose turns to no region of interest any more."""
+        """Stop flying items; the index is kept, and the nose no longer turns to a region of interest."""
         self._paused = False
         self._frame.body.face_rad = None
         if self.is_running:
             self._state = MissionState.NOT_STARTED
 
     def pause(self) -> bool:
-        """Stop on the way to a waypoint; False when that is not what it does."""
+        """Stop on a leg to a waypoint; False in any other phase."""
         if not self.is_running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
             return False
         self._paused = True
@@ -121,23 +120,23 @@ class ArduPilotMission:
         return True
 
     def resume(self) -> None:
-        """Fly on after a pause."""
+        """Continue after a pause."""
         if self._paused and self.nav is not None:
             self._paused = False
             self._frame.pilot.fly(self._build_waypoint_goals(self.nav, self.index, restarted=True))
 
     def step(self) -> None:
-        """Go on to the next item when the present one is done."""
+        """Advance to the next item when the present one is done."""
         if self._paused or not self.is_running or self.nav is None or self._frame.pilot.goal is not None:
             return
         if self.nav.command in {Command.NAV_WAYPOINT, Command.NAV_TAKEOFF}:
             self._advance_after(self.nav)
-        # A landing is over when the motors have stopped.
+        # A landing ends when the motors have stopped.
 
     def apply_disarm(self) -> None:
-        """End the mission after its return; any other disarming sends it back to its beginning.
+        """End the mission after its return; any other disarming resets it to its start.
 
-        Measured: after its own NAV_LAND the list begins anew with the motors off. It is 'active', and nothing moves.
+        Measured: after its own NAV_LAND the list starts again with the motors off. It is 'active', and nothing moves.
         """
         landed = self.nav.command if self.is_running and self.nav is not None else None
         index, self.index = self.index, 0
@@ -158,7 +157,7 @@ class ArduPilotMission:
         self._state = MissionState.NOT_STARTED
 
     def apply_clear(self) -> None:
-        """Follow the clearing of the list outside of AUTO."""
+        """Handle clearing of the list outside of AUTO."""
         if not self.is_running:
             self.index = 0
             self._state = MissionState.NOT_STARTED
@@ -167,7 +166,7 @@ class ArduPilotMission:
         """Fly item ``seq`` next; 0 acts as 1.
 
         Returns:
-            Whether there is such an item. After the mission's end it is remembered and not flown.
+            Whether there is that item. After the mission's end it is stored and not flown.
         """
         seq = max(seq, 1)
         if self._store.item_at(seq) is None:
@@ -180,17 +179,17 @@ class ArduPilotMission:
         return True
 
     def apply_truncation(self) -> None:
-        """React to an announced upload: with nothing left to fly it says so, and flies on to where it was going."""
+        """Handle an announced upload: without items left, report it and continue to the present target."""
         flies = self.is_running and self.nav is not None and self.nav.command == Command.NAV_WAYPOINT
         if flies and not self._nothing_left and self._find_nav_seq(self.index) is None:
             self._nothing_left = True
             self._voice.send_text(Severity.CRITICAL, "Auto mission changed but failed to restart command")
 
     def apply_stored_item(self) -> None:
-        """React to an item that was replaced under way: every one of them restarts the leg, if there is one to fly.
+        """Handle an item replaced in flight: each one restarts the leg, if there is one to fly.
 
-        Measured: a speed item that is put in the place of the one flown to moves the index on to what follows it in the
-        list as it is then, old or new; so it runs ahead of an upload item by item (``AP_Mission::set_current_cmd``).
+        Measured: a speed item that replaces the current waypoint moves the index on to the next item of the list as it
+        is then, old or new; so it runs ahead of an upload item by item (``AP_Mission::set_current_cmd``).
         """
         if not self.is_running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
             return
@@ -243,7 +242,7 @@ class ArduPilotMission:
             case Command.NAV_WAYPOINT:
                 yield from self._build_waypoint_goals(item, seq, restarted=restarted)
             case Command.NAV_TAKEOFF:
-                # In the air it is done at once.
+                # In the air it completes immediately.
                 if frame.body.on_ground:
                     up_m = place_of(item, self._home, frame.body.place).up_m
                     yield from frame.take_off(up_m, frame.pilot.limits.climb_m_s)
@@ -291,7 +290,7 @@ class ArduPilotMission:
         return [flown, Hover(target, item.param1)] if item.param1 > 0 else [flown]
 
     def _build_timed_leg(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> TimedLeg | None:
-        """Return the leg by the clock; None when the vehicle is not where the clock would have it."""
+        """Return the timed leg; None if the vehicle is not where the clock requires."""
         turning, self._turning = self._turning, None
         way, body = leg.target.subtract(leg.origin), self._frame.body
         params = self._params
@@ -330,7 +329,7 @@ class ArduPilotMission:
         if done.command == Command.NAV_WAYPOINT:
             self._voice.send_text(Severity.INFO, f"Reached command #{self.index}")
         if self.index >= self._store.count:
-            # Its list was replaced by a shorter one: it says complete, and flies the leg that it had looked up before.
+            # A shorter list replaced its list: it reports completion, and flies the leg that it had read before.
             index = self.index
             self._send_reached(index)
             beyond = self._store.stale_item_at(index + 1)
@@ -342,7 +341,7 @@ class ArduPilotMission:
                 self._frame.pilot.fly([Leg(here, target, self.speed_m_s, 0.0), Hover(target)])
             return
         self._start(self.index + 1)
-        # A DO item that was executed in passing takes the place of the waypoint in this report.
+        # A DO item executed in passing replaces the waypoint in this report.
         self._send_reached(self._reached)
 
     def _complete(self) -> None:

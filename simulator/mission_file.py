@@ -1,7 +1,7 @@
 """ArduPilot's lists as files, after AP_Filesystem_Mission.cpp.
 
-Measured on Copter 4.7-dev: a file that is closed without its header changes nothing; a part of a list is put in place
-at once, and restarts the leg once; what stands behind it stays.
+Measured on Copter 4.7-dev: a file closed without its header changes nothing; a part of a list takes effect at once, and
+restarts the leg once; the items after it stay.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ITEM = struct.Struct("<4fiifHHBBBBBB")
 
 @dataclass(frozen=True, slots=True)
 class FilePart:
-    """What a mission file that was closed wants to have in place."""
+    """Contents of a closed mission file, to store on board."""
 
     first: int
     items: tuple[MissionItem, ...]
@@ -32,7 +32,7 @@ class FilePart:
 
 
 def read_part(data: bytes) -> FilePart | None:
-    """Return what a file says; None where a part of it was not written."""
+    """Return the contents of a file; None if a part of it was not written."""
     if len(data) < HEADER.size:
         return None
     magic, _, options, first, count = HEADER.unpack_from(data)
@@ -49,7 +49,7 @@ def _read_item(row: bytes) -> MissionItem:
 
 
 def build_file(kind: int, items: Sequence[MissionItem]) -> bytes:
-    """Return the file that a list makes; `kind` is MAV_MISSION_TYPE."""
+    """Return the file of a list; `kind` is MAV_MISSION_TYPE."""
     return HEADER.pack(MAGIC, kind, 0, 0, len(items)) + b"".join(
         ITEM.pack(
             item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, item.seq, item.command, 0, 0,

@@ -1,4 +1,4 @@
-"""How PX4 flies a mission in AUTO.MISSION, with the habits that were measured on v1.17.0."""
+"""PX4's mission flight in AUTO.MISSION, with the behaviour measured on v1.17.0."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from simulator.physics import Home, Place
 from simulator.store_px4 import NAV_VTOL_LAND, NAV_VTOL_TAKEOFF, Px4Store
 
 CHECK_S = 0.5
-"""Time after an upload on the ground until the mission is valid; MISSION_START before is denied."""
+"""Time after an upload on the ground until the mission is valid; an earlier MISSION_START is denied."""
 LEAST_RADIUS_M = 0.05
 """Radius above which an item's own acceptance radius counts."""
 REACHED_REPEATS = 10
@@ -26,19 +26,19 @@ FAST_LANDING_M, SLOW_LANDING_M = 10.0, 5.0
 """MPC_LAND_ALT1 and MPC_LAND_ALT2. Recorded: 1.6 m/s down, about 1 m/s under 8 m, 0.7 m/s at the ground."""
 
 SINKS_SHARE = 0.83
-"""Measured: 1.25 m/s on average where it may sink at 1.5. Its trajectory waits for the vehicle in height, too, whenever
-the estimate wanders off its line by some decimetres."""
+"""Average share of the permitted sink rate. Measured: 1.25 m/s on average at a limit of 1.5. Its trajectory also waits
+for the vehicle in height, whenever the estimate is off its line by some decimetres."""
 
 
 class MissionEnd(Enum):
-    """How a mission leaves AUTO.MISSION."""
+    """Ways in which a mission leaves AUTO.MISSION."""
 
     LOITER = "loiter"
     RETURN = "return"
 
 
 class Px4Mission:
-    """What AUTO.MISSION does."""
+    """Behaviour of AUTO.MISSION."""
 
     def __init__(
         self,
@@ -52,11 +52,11 @@ class Px4Mission:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
         self._carry_out = carry_out
         self.left_fence_at: Callable[[], int | None] = lambda: None
-        """Returns the first item outside the fence, or None."""
+        """Return the first item outside the fence, or None."""
         self.index = 0
         self.asked_m_s = params["MPC_XY_CRUISE"]
         self.running = False
-        """Whether items are being flown."""
+        """Whether it is flying items."""
         self._nav: MissionItem | None = None
         self._finished = False
         self._stood_disarmed = False
@@ -76,10 +76,10 @@ class Px4Mission:
         """(item, repeats left, next at)."""
 
     def report_state(self, now_s: float, *, active: bool) -> MissionState:
-        """Return what MISSION_CURRENT says; ``active`` is that the mode is one of a mission.
+        """Return the state in MISSION_CURRENT; ``active`` is whether the mode is a mission mode.
 
-        It is PAUSED only when an item was reached since the mission was entered or uploaded; else it stays what it was,
-        mostly ACTIVE (mavlink_mission.cpp, and measured).
+        It is PAUSED only if an item was reached since the mission was entered or uploaded; otherwise it stays as it
+        was, mostly ACTIVE (mavlink_mission.cpp, and measured).
         """
         if not self.is_feasible:
             self._state = MissionState.NO_MISSION
@@ -96,19 +96,19 @@ class Px4Mission:
         return self._state
 
     def is_valid(self, now_s: float) -> bool:
-        """Return whether there is a mission that has passed its check."""
+        """Return whether a mission has passed its check."""
         return self.is_feasible and now_s >= self._checked_s
 
     @property
     def is_feasible(self) -> bool:
-        """Whether there is a mission that a multicopter can fly."""
+        """Whether a mission exists that a multicopter can fly."""
         items = self._store.items
         flyable = all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in items)
         return bool(items) and flyable and self.left_fence_at() is None
 
     @property
     def speed_m_s(self) -> float:
-        """What it flies at where it can."""
+        """Cruise speed where it can be reached."""
         return self._frame.achieved_speed_m_s(self.asked_m_s)
 
     def enter(self) -> MissionEnd | None:
@@ -127,7 +127,7 @@ class Px4Mission:
         return self._start(self.index)
 
     def _rewind_if_flown(self) -> bool:
-        """Go to the first item after a mission that was flown to its end, if the motors have stopped since.
+        """Go to the first item of a completely flown mission, if the motors have stopped since.
 
         ``MissionBase::checkMissionRestart`` of PX4 1.17.
         """
@@ -143,19 +143,19 @@ class Px4Mission:
         self._frame.body.face_rad = None
 
     def give_up(self) -> MissionEnd:
-        """Say that there is nothing to fly."""
+        """Report that there is nothing to fly."""
         self.running = False
         self._voice.send_text(Severity.CRITICAL, "No valid mission available, loitering")
         return MissionEnd.LOITER
 
     def step(self, now_s: float) -> MissionEnd | None:
-        """Repeat what was reached, and go on to the next item when the present one is done."""
+        """Repeat the reports of reached items, and advance to the next item when the present one is done."""
         self._repeat_reached(now_s)
         if not self.running or self._nav is None or self._frame.pilot.goal is not None:
             return None
         done, seq = self._nav, self.index
         if done.command == Command.NAV_LAND:
-            return None  # over when the motors have stopped
+            return None  # ends when the motors have stopped
         self._reached = (seq, REACHED_REPEATS, now_s)
         self._progressed = True
         self._arrived = self._frame.takeoff_end or place_of(done, self._home, self._frame.body.place)
@@ -164,7 +164,7 @@ class Px4Mission:
         return end
 
     def apply_landing(self, now_s: float) -> None:
-        """End the mission as the motors stop after its landing; any other only interrupts it."""
+        """End the mission as the motors stop after its landing; any other landing only interrupts it."""
         self._stood_disarmed = True
         if not self.running or self._nav is None or self._nav.command != Command.NAV_LAND:
             self.running = False
@@ -173,7 +173,7 @@ class Px4Mission:
         self._end("Mission finished, landed")
 
     def apply_new_list(self, current: int | None, now_s: float) -> MissionEnd | None:
-        """React to a new list: the flagged item is next; without a flag the old number is kept, clamped."""
+        """Handle a new list: the flagged item is next; without a flag the old number is kept, clamped."""
         last = max(len(self._store.items) - 1, 0)
         self.index = min(self.index if current is None else current, last)
         self._finished = self._progressed = False
@@ -187,7 +187,7 @@ class Px4Mission:
         return self._start(self.index)
 
     def apply_clear(self) -> MissionEnd | None:
-        """React to the list having been emptied; in flight that is a hold."""
+        """Handle a cleared list; in flight it holds."""
         self.index = 0
         self._finished = self._progressed = False
         self._reached = None
@@ -203,7 +203,7 @@ class Px4Mission:
         return self._start(seq)
 
     def apply_reboot(self) -> None:
-        """Keep list and index, forget the rest."""
+        """Keep list and index, reset everything else."""
         self.running = self._progressed = False
         self._reached = None
 
@@ -215,7 +215,7 @@ class Px4Mission:
             elif items[seq].param2 > 0:
                 self.asked_m_s = items[seq].param2
             if self._reached is not None and self._reached[0] == seq - 1:
-                # A DO item takes the place of the item before it in the report.
+                # A DO item replaces the item before it in the report.
                 self._reached = (seq, self._reached[1], self._reached[2])
             seq += 1
         if seq >= len(items):
@@ -225,7 +225,7 @@ class Px4Mission:
             self._reached = (seq, REACHED_REPEATS, self._reached[2] if self._reached else 0.0)
             return self._finish(MissionEnd.RETURN)
         if old is None or (old.x, old.y, old.z) != (self._nav.x, self._nav.y, self._nav.z):
-            # Sent elsewhere on its way, it takes its line from where it would have been next (mission.cpp).
+            # After a jump in flight, its line starts at the end of the interrupted leg (mission.cpp).
             self._origin = self._arrived or self._bound_for or self._frame.body.place
         self._arrived = None
         turned = self._nav.command == Command.NAV_WAYPOINT and not math.isnan(self._nav.param4)
@@ -248,7 +248,7 @@ class Px4Mission:
         frame = self._frame
         here = frame.body.place
         if frame.body.on_ground:
-            # Without a take-off item it climbs to a least height first.
+            # Without a take-off item it first climbs to a minimum height.
             takeoff = item.command == Command.NAV_TAKEOFF
             up_m = place_of(item, self._home, here).up_m if takeoff else self._params["MIS_TAKEOFF_ALT"]
             self._voice.send_text(Severity.INFO, f"Climb to {up_m:.1f} meters above home")
@@ -265,7 +265,7 @@ class Px4Mission:
             yield Leg(here, over, self.speed_m_s, accept_m=0.0)
             yield land_goal(over, self._params)
             return
-        # A take-off item in the air is flown as a waypoint.
+        # It flies a take-off item in the air as a waypoint.
         self._bound_for = target
         accept_m = item.param2 if item.param2 > LEAST_RADIUS_M else self._params["NAV_ACC_RAD"]
         after = next((nav for nav in self._store.items[seq + 1 :] if nav.command not in DONE_IN_PASSING), None)

@@ -16,7 +16,7 @@ DEGREES_E7 = 1e-7
 
 
 class UploadFault(Enum):
-    """What an injected fault does to uploads."""
+    """Effect of an injected fault on uploads."""
 
     NONE = "none"
     REFUSE = "refuse"
@@ -25,7 +25,7 @@ class UploadFault(Enum):
 
 @dataclass(frozen=True, slots=True)
 class StoreStep:
-    """What the store answers, and what changed on board."""
+    """The store's answers, and the changes on board."""
 
     send: tuple[messages.Outbound, ...] = ()
     texts: tuple[tuple[int, str], ...] = ()
@@ -60,31 +60,31 @@ class Transfer:
     kind: int = messages.MISSION_TYPE_MISSION
     """MAV_MISSION_TYPE."""
     rest: tuple[MissionItem, ...] = ()
-    """Items after them that stay, in a partial upload."""
+    """Items after the transferred ones that stay, in a partial upload."""
 
     def is_stalled(self, fault: UploadFault) -> bool:
-        """Return whether an injected fault keeps the vehicle from asking on."""
+        """Return whether an injected fault stops the vehicle's requests."""
         return fault is UploadFault.HALF and self.next >= self.count // 2
 
 
 class Uploading:
-    """What both autopilots' stores say of an upload under way."""
+    """Upload state that both autopilots' stores report."""
 
     _upload: Transfer | None = None
 
     @property
     def upload(self) -> Transfer | None:
-        """What it is asking for items for."""
+        """Upload whose items it is requesting."""
         return self._upload
 
     @property
     def is_receiving(self) -> bool:
-        """Whether it is asking for items."""
+        """Whether it is requesting items."""
         return self.upload is not None
 
     @property
     def upload_link(self) -> int:
-        """Over which of its links it asks: where they were announced."""
+        """Link on which it requests items: the one that announced them."""
         return 0 if self.upload is None else self.upload.partner.link
 
 
@@ -97,12 +97,12 @@ def to_item(received: messages.ItemReceived) -> MissionItem:
 
 
 def has_place(item: MissionItem) -> bool:
-    """Return whether the item names a place of its own; zeros mean 'here'."""
+    """Return whether the item has coordinates; zeros mean the present position."""
     return item.command in {Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF} and (item.x, item.y) != (0, 0)
 
 
 CarryOut = Callable[[int, Sequence[float]], object]
-"""Carries out an item for the payload."""
+"""Execute an item for the payload."""
 DONE_IN_PASSING = frozenset({Command.DO_CHANGE_SPEED, *PAYLOAD})
 """Items that do not move the vehicle."""
 
@@ -113,7 +113,7 @@ def params_of(item: MissionItem) -> tuple[float, ...]:
 
 
 def is_relative(item: MissionItem) -> bool:
-    """Return whether the height counts from home."""
+    """Return whether the height is relative to home."""
     return item.frame in {Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT}
 
 
@@ -125,7 +125,7 @@ def acknowledge(
     *,
     opaque_id: int = 0,
 ) -> StoreStep:
-    """Return a step that answers with MISSION_ACK, and says so much to everybody."""
+    """Return a step that answers with MISSION_ACK, and sends texts to all."""
     ack = messages.build_message(
         "MISSION_ACK", target_system=partner.sysid, target_component=partner.compid, type=int(result),
         mission_type=kind, opaque_id=opaque_id,
@@ -171,13 +171,13 @@ def build_mission_item(
 
 
 def place_of(item: MissionItem, home: Home, here: Place) -> Place:
-    """Return where an item is; without a place of its own it is where the vehicle is, at the item's height."""
+    """Return an item's position; without coordinates it is the vehicle's, at the item's height."""
     up_m = item.z if is_relative(item) else item.z - home.alt_m
     return home.place_of(item.x, item.y, up_m) if has_place(item) else Place(here.east_m, here.north_m, up_m)
 
 
 def mission_length_m(items: Iterable[MissionItem], home: Home) -> float:
-    """Return the length of the whole flight that a list describes, from the pad to wherever it ends."""
+    """Return the length of the whole flight that a list describes, from the pad to its end."""
     here = Place(0.0, 0.0, 0.0)
     length = 0.0
     for item in items:
@@ -200,21 +200,21 @@ Corner = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class FenceShape:
-    """A polygon, or a circle about its one corner."""
+    """A polygon, or a circle about its only corner."""
 
     keeps_out: bool
     corners: tuple[Corner, ...]
     radius_m: float | None
 
     def is_allowed(self, east_m: float, north_m: float) -> bool:
-        """Return whether a vehicle may be there."""
+        """Return whether a vehicle may be at a position."""
         if self.radius_m is not None:
             return (math.dist(self.corners[0], (east_m, north_m)) <= self.radius_m) is not self.keeps_out
         return _is_within(self.corners, east_m, north_m) is not self.keeps_out
 
 
 def build_fence_shapes(items: Sequence[MissionItem], home: Home) -> tuple[FenceShape, ...]:
-    """Return what a fence on board means."""
+    """Return the shapes of a fence on board."""
     shapes, index = list[FenceShape](), 0
     while index < len(items):
         item, size = items[index], 1
@@ -235,7 +235,7 @@ def is_inside(shapes: Sequence[FenceShape], place: Place) -> bool:
 
 
 def distance_outside_m(shapes: Sequence[FenceShape], place: Place) -> float:
-    """Return how far outside the polygon that it left a place is, the farthest of several; 0 inside."""
+    """Return how far a place is outside the breached polygon, the farthest of several; 0 inside."""
     here = (place.east_m, place.north_m)
     left = [one for one in shapes if one.radius_m is None and not one.keeps_out and not one.is_allowed(*here)]
     return max((min(_edge_distance_m(here, a, b) for a, b in _iterate_edges(one.corners)) for one in left), default=0.0)
@@ -264,7 +264,7 @@ def _is_within(corners: Sequence[Corner], east_m: float, north_m: float) -> bool
 def find_return_destination(
     rally: Sequence[MissionItem], home: Home, here: Place, farthest_m: float = math.inf
 ) -> Place:
-    """Return where a return ends: over the nearest of home and the rally points that are not too far away."""
+    """Return the end of an RTL: over the nearest of home and the rally points within range."""
     spots = [Place(*home.east_north_m(item.x, item.y), 0.0) for item in rally]
     near = [one for one in spots if math.hypot(one.east_m - here.east_m, one.north_m - here.north_m) <= farthest_m]
     at_home = Place(0.0, 0.0, 0.0)

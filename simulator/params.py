@@ -15,10 +15,10 @@ from simulator.messages import Outbound, ParamRequestList, ParamRequestRead, Par
 PACKED_PARAMETERS = "@PARAM/param.pck"
 """ArduPilot's parameters as a file."""
 PACKED_HEADER = struct.Struct("<HHH")
-"""Magic, number of parameters in it and in all."""
+"""Magic, number of parameters in the file and in total."""
 PACKED, PACKED_WITH_DEFAULTS = 0x671B, 0x671C
 PACKED_PARAM_BYTES = 12
-"""Bytes per parameter, as an estimate."""
+"""Estimated bytes per parameter."""
 UNINDEXED = 65535
 """param_index of a value not requested by index."""
 
@@ -34,7 +34,7 @@ class ParamKind(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Param:
-    """A default."""
+    """A parameter's default."""
 
     value: float
     kind: ParamKind = ParamKind.REAL32
@@ -51,7 +51,7 @@ def _build_table(**values: Mapping[str, float]) -> dict[str, Param]:
 
 
 # Copter 4.7: SYSID_MYGCS is MAV_GCS_SYSID. Heights and speeds are in centimetres. FS_GCS_ENABLE is 0 in the firmware;
-# here it is 1 so that a vehicle that is left alone comes home.
+# here it is 1 so that a vehicle that loses its link returns.
 ARDUPILOT = _build_table(
     int8={
         "FRAME_CLASS": 1, "FRAME_TYPE": 1, "FS_GCS_ENABLE": 1, "FS_THR_ENABLE": 0, "DISARM_DELAY": 10, "MIS_RESTART": 0,
@@ -91,11 +91,11 @@ PX4 = _build_table(
     },
 )  # fmt: skip
 LOW_CELL_V = 3.5
-"""BATT_LOW_VOLT for each cell: ArduPilot's default of 10.5 V is for three."""
+"""BATT_LOW_VOLT per cell: ArduPilot's default of 10.5 V is for three."""
 
 
 def defaults_for(vehicle: SimVehicle, capacity_mah: float) -> dict[str, Param]:
-    """Return the vehicle's parameters as they are after it was set up: dialect, identity, battery, overrides.
+    """Return the vehicle's parameters after set-up: dialect, identity, battery, overrides.
 
     Raises:
         FleetError: an override names a parameter that the dialect does not have.
@@ -111,7 +111,7 @@ def defaults_for(vehicle: SimVehicle, capacity_mah: float) -> dict[str, Param]:
         table["MAV_SYS_ID"] = Param(vehicle.sysid, ParamKind.INT32)
         table["BAT1_CAPACITY"] = Param(capacity_mah)
         table["BAT1_N_CELLS"] = Param(vehicle.drone.cells, ParamKind.INT32)
-    if vehicle.cameras:  # whoever mounts one sets its autopilot up for it
+    if vehicle.cameras:  # the installer of a camera also sets its parameters
         name, value = ("CAM1_TYPE", 1.0) if vehicle.autopilot is AutopilotKind.ARDUPILOT else ("TRIG_MODE", 4.0)
         table[name] = replace(table[name], value=value)
     for name, value in vehicle.parameters.items():
@@ -144,7 +144,7 @@ class ParamTable:
         return iter(self._names)
 
     def __setitem__(self, name: str, value: float) -> None:
-        """Have another value from now on, as after a boot that lost one; unknown names are refused.
+        """Change a value from now on, as after a boot that lost one; unknown names are refused.
 
         Raises:
             KeyError: there is no such parameter.
@@ -154,7 +154,7 @@ class ParamTable:
         self._values[name] = value
 
     def answer(self, request: ParamRequestList | ParamRequestRead | ParamSet) -> Iterator[Outbound]:
-        """Yield the answers; an unknown name gets none, as both autopilots do."""
+        """Yield the answers; an unknown name gets none, as with both autopilots."""
         match request:
             case ParamRequestRead(name=name) | ParamSet(name=name) if name in self.hidden:
                 return
@@ -176,7 +176,7 @@ class ParamTable:
 
     @property
     def packed_bytes(self) -> int:
-        """How long it says that its packed file is."""
+        """Reported size of the packed file."""
         return PACKED_PARAM_BYTES * len(self._names)
 
     def pack(self, block: int, *, with_defaults: bool = False) -> bytes:

@@ -1,6 +1,6 @@
 """Motion of a multicopter with limits so that positions never jump, and its position estimate.
 
-Local metres about the vehicle's own pad: east, north, up. The ground is level at up = 0.
+Local metres relative to the vehicle's own pad: east, north, up. The ground is level at up = 0.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ TERMINAL_FALL_M_S = 25.0
 HARD_LANDING_M_S = 2.0
 """Touch-down speed that destroys the vehicle, as a fall from 25 cm does."""
 DRAG_PER_S = 0.35
-"""Specific drag: at 5 m/s the recorded flights lean by 0.2 rad, g * 0.2 / 5."""
+"""Specific drag: at 5 m/s the recorded flights tilt by 0.2 rad, g * 0.2 / 5."""
 THRUST_TO_WEIGHT = 2.0
 """Thrust-to-weight ratio at full throttle; most multicopters hover at half throttle."""
 SINK_DRAG_PER_S = 1.2
-"""Drag of rotors while sinking, so that a vehicle with too little thrust sinks instead of falling: at 3.3 m/s without
-70 % of it."""
+"""Drag of rotors in descent, so that a vehicle with too little thrust sinks instead of falling: at 3.3 m/s without 70 %
+of it."""
 CARRIED_YAW_RAD_S = 1.0
 EQUATOR_M = 6378137.0
 ECCENTRICITY2 = 6.69437999014e-3
@@ -28,7 +28,7 @@ ECCENTRICITY2 = 6.69437999014e-3
 
 
 class Vector(NamedTuple):
-    """A place, or a way, in local metres."""
+    """A position or displacement in local metres."""
 
     east_m: float
     north_m: float
@@ -36,11 +36,11 @@ class Vector(NamedTuple):
 
     @property
     def length_m(self) -> float:
-        """How long it is."""
+        """Length."""
         return math.sqrt(self.east_m**2 + self.north_m**2 + self.up_m**2)
 
     def scale(self, factor: float) -> Vector:
-        """Return it longer or shorter."""
+        """Return it multiplied by a factor."""
         return Vector(self.east_m * factor, self.north_m * factor, self.up_m * factor)
 
     def add(self, other: Vector) -> Vector:
@@ -48,7 +48,7 @@ class Vector(NamedTuple):
         return Vector(self.east_m + other.east_m, self.north_m + other.north_m, self.up_m + other.up_m)
 
     def subtract(self, other: Vector) -> Vector:
-        """Return the way from another place to this one."""
+        """Return the displacement from another place to this one."""
         return Vector(self.east_m - other.east_m, self.north_m - other.north_m, self.up_m - other.up_m)
 
 
@@ -57,7 +57,7 @@ Place = Vector
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the autopilot asks of the airframe at most."""
+    """Limits that the autopilot sets for the airframe."""
 
     accelerate_m_s2: float
     brake_m_s2: float
@@ -70,7 +70,7 @@ class Limits:
 
 
 class Velocity(NamedTuple):
-    """A wish or a fact, in m/s."""
+    """A desired or actual velocity, in m/s."""
 
     east_m_s: float = 0.0
     north_m_s: float = 0.0
@@ -78,7 +78,7 @@ class Velocity(NamedTuple):
 
 
 class Home:
-    """The pad, and the flat step from its latitude and longitude to metres.
+    """The pad, and the flat conversion from latitude and longitude to metres.
 
     The radii of curvature are those at the pad, so both directions agree exactly and a straight line is off by less
     than a decimetre 3 km away.
@@ -96,7 +96,7 @@ class Home:
         self._east_m_deg = math.radians(EQUATOR_M / math.sqrt(bulge) * math.cos(math.radians(lat_deg)))
 
     def move(self, east_m: float, north_m: float) -> None:
-        """Be this much farther east and north: everybody who knows this home counts from there."""
+        """Move the origin east and north: every user of this home counts from there."""
         lat_e7, lon_e7 = self.lat_lon_e7(east_m, north_m)
         self._stand_at(lat_e7 * 1e-7, lon_e7 * 1e-7)
 
@@ -138,12 +138,12 @@ class Body:
 
     @property
     def place(self) -> Place:
-        """Where it is."""
+        """Position."""
         return Place(self.east_m, self.north_m, self.up_m)
 
     @property
     def velocity(self) -> Velocity:
-        """How it moves."""
+        """Velocity."""
         return Velocity(self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
 
     @property
@@ -169,7 +169,7 @@ class Body:
 
     @property
     def specific_force_m_s2(self) -> tuple[float, float, float]:
-        """What an accelerometer feels, forward, right and down: all that moves the body but gravity."""
+        """Specific force at an accelerometer, forward, right and down: all forces but gravity."""
         rise = (0.0, 0.0, 0.0) if self.on_ground else self.acceleration
         north, east, down = rise[1], rise[0], -rise[2] - GRAVITY_M_S2
         cr, sr, cp, sp = (f(a) for a in (self.roll_rad, self.pitch_rad) for f in (math.cos, math.sin))
@@ -180,7 +180,7 @@ class Body:
 
     @property
     def turn_rates_rad_s(self) -> tuple[float, float, float]:
-        """How fast it turns about its forward, right and down axes."""
+        """Turn rates about the forward, right and down axes."""
         roll, pitch = (0.0, 0.0) if self.on_ground else self._tilt_rates_rad_s
         yaw, cr, sr, cp = (
             self.yaw_rate_rad_s,
@@ -191,7 +191,7 @@ class Body:
         return (roll - math.sin(self.pitch_rad) * yaw, cr * pitch + sr * cp * yaw, -sr * pitch + cr * cp * yaw)
 
     def fly(self, wish: Velocity, limits: Limits, dt_s: float) -> None:
-        """Move for ``dt_s`` with velocity going towards ``wish`` as fast as the limits allow."""
+        """Move for ``dt_s``, changing velocity towards ``wish`` as fast as the limits allow."""
         before = self.velocity
         d_east, d_north = wish.east_m_s - self.v_east_m_s, wish.north_m_s - self.v_north_m_s
         change = math.hypot(d_east, d_north)
@@ -209,7 +209,7 @@ class Body:
         self._tilt(d_east / dt_s, d_north / dt_s, limits.yaw_rad_s, dt_s)
 
     def carry(self, velocity: Velocity, dt_s: float) -> None:
-        """Move for ``dt_s`` and have this velocity after it: somebody else has seen to the limits."""
+        """Move for ``dt_s`` and end at this velocity; the caller has applied the limits."""
         before = self.velocity
         self.v_east_m_s, self.v_north_m_s, self.v_up_m_s = velocity
         self._sink(before[2], dt_s)
@@ -221,7 +221,7 @@ class Body:
         """Move for ``dt_s`` without thrust.
 
         Returns:
-            The vertical speed in m/s at which it hit the ground in this step; 0 when it did not.
+            The vertical speed in m/s at which it hit the ground in this step; 0 without an impact.
         """
         if self.up_m <= 0.0:
             self.stop()
@@ -235,13 +235,13 @@ class Body:
         return impact_m_s if self.up_m <= 0.0 else 0.0
 
     def stop(self) -> None:
-        """Stand still on the ground."""
+        """Stop on the ground."""
         self.up_m = max(self.up_m, 0.0)
         self.v_east_m_s = self.v_north_m_s = self.v_up_m_s = 0.0
         self.roll_rad = self.pitch_rad = self.yaw_rate_rad_s = 0.0
 
     def _sink(self, before_m_s: float, dt_s: float) -> None:
-        """Rise no faster than what is left of its thrust allows."""
+        """Limit the climb rate to what the remaining thrust allows."""
         if self.lost_thrust > 0.0:
             lift_m_s2 = (
                 GRAVITY_M_S2 * (THRUST_TO_WEIGHT * (1.0 - self.lost_thrust) - 1.0) - SINK_DRAG_PER_S * before_m_s
@@ -265,7 +265,7 @@ class Body:
             self.stop()
 
     def _tilt(self, a_east: float, a_north: float, yaw_rad_s: float, dt_s: float) -> None:
-        """Turn the nose to where it is to point, and lean against drag and for acceleration."""
+        """Turn the nose to its target heading, and tilt against drag and for acceleration."""
         self.yaw_rate_rad_s = 0.0
         if self.face_rad is not None or self.ground_speed_m_s > 0.5:
             ahead = math.atan2(self.v_east_m_s, self.v_north_m_s)
@@ -284,11 +284,11 @@ class Body:
 
 
 FAILSAFE_S = 4.0
-"""Time without a fix after which its failsafe acts."""
+"""Time without a fix until its failsafe acts."""
 ABSOLUTE_S = 10.0
-"""Time without a fix for which its estimator still reports an absolute position."""
+"""Time without a fix during which its estimator still reports an absolute position."""
 DRIFT_M_S2 = 0.2
-"""Bias of acceleration in dead reckoning: 360 m in a minute."""
+"""Acceleration bias in dead reckoning: 360 m in a minute."""
 AIDED, ALONE = 831, 167
 """Flags of EKF_STATUS_REPORT and ESTIMATOR_STATUS: as recorded in flight, and in constant position mode."""
 GPS_BIT = 0x20
@@ -296,7 +296,7 @@ GPS_BIT = 0x20
 
 
 class Positioning:
-    """A receiver that may lose its fix."""
+    """A GPS receiver that may lose its fix."""
 
     def __init__(self) -> None:
         self.lost_s: float | None = None
@@ -305,36 +305,36 @@ class Positioning:
         self._acted = False
 
     def lose(self, now_s: float, for_s: float) -> None:
-        """Lose the fix, for good if `for_s` is 0."""
+        """Lose the fix, permanently if `for_s` is 0."""
         self.lost_s, self._back_s, self._acted = now_s, now_s + for_s if for_s else math.inf, False
 
     def find(self, now_s: float) -> None:
-        """Have a fix again."""
+        """Regain the fix."""
         self._back_s = now_s
 
     def without_s(self, now_s: float) -> float:
-        """Return for how long it has no fix; 0 while it has one."""
+        """Return the time without a fix; 0 with one."""
         if self.lost_s is not None and now_s >= self._back_s:
             self.lost_s = None
         return 0.0 if self.lost_s is None else now_s - self.lost_s
 
     def acts(self, now_s: float) -> bool:
-        """Return, once, that the failsafe acts now."""
+        """Return, once, whether the failsafe acts now."""
         if self._acted or self.without_s(now_s) < FAILSAFE_S:
             return False
         self._acted = True
         return True
 
     def off_m(self, now_s: float) -> float:
-        """Return how far east of its place it takes itself to be."""
+        """Return the east error of the position estimate."""
         return 0.5 * DRIFT_M_S2 * self.without_s(now_s) ** 2
 
     def off_m_s(self, now_s: float) -> float:
-        """Return how much faster to the east it takes itself to fly."""
+        """Return the east error of the velocity estimate."""
         return DRIFT_M_S2 * self.without_s(now_s)
 
     def flags(self, now_s: float) -> int:
-        """Return what its estimator says of itself."""
+        """Return the estimator's status flags."""
         return AIDED if self.without_s(now_s) < ABSOLUTE_S else ALONE
 
 
@@ -345,20 +345,20 @@ SPREAD = 0.15
 
 
 class PositionDrift:
-    """A swing about zero, by east and north, the same for the same seed.
+    """An oscillation about zero, east and north, equal for equal seeds.
 
-    What it believes of its place wanders, and it runs after that. PX4's trajectory waits for a vehicle beside or behind
-    it, so that this swing costs it time. In logs of PX4's own simulator the vehicle is 0.12 to 0.17 m off along its
-    line and 0.25 to 0.5 m across (one standard deviation), and climbs and inspections last as much longer as a swing of
-    0.2 m each way makes them here; its estimate itself is off by 0.16 m.
+    The vehicle's position estimate wanders, and the vehicle follows it. PX4's trajectory waits for a vehicle off its
+    line or behind it, so this error costs it time. In logs of PX4's own simulator the vehicle is 0.12 to 0.17 m off
+    along its line and 0.25 to 0.5 m across (one standard deviation), and climbs and inspections last as much longer as
+    an oscillation of 0.2 m on each axis makes them here; its estimate itself is off by 0.16 m.
     """
 
     def __init__(self, off_m: float, seed: str) -> None:
         """Begin.
 
         Args:
-            off_m: One standard deviation each way; 0 for a vehicle that is where it should be.
-            seed: Whose.
+            off_m: One standard deviation on each axis; 0 for a vehicle exactly on its target.
+            seed: The vehicle's seed.
         """
         rng = random.Random(seed)
         self._swing_m = off_m * math.sqrt(2.0 / len(PERIODS_S))
@@ -371,7 +371,7 @@ class PositionDrift:
         ]
 
     def offset_m(self, now_s: float) -> tuple[float, float]:
-        """Return how far off it is, east and north."""
+        """Return the offset, east and north."""
         if not self._swing_m:
             return 0.0, 0.0
         east, north = (sum(math.sin(turn * now_s + phase) for turn, phase in waves) for waves in self._waves)

@@ -1,4 +1,4 @@
-"""PX4 v1.17.0 as measured: modes, arming, failsafes, what it reports."""
+"""PX4 v1.17.0 as measured: modes, arming, failsafes, reports."""
 
 from __future__ import annotations
 
@@ -23,29 +23,30 @@ WORDS = {
     "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
     "MISSION": Mode.MISSION,
 }  # fmt: skip
-"""Modes that a pilot may choose."""
+"""Modes that a pilot may select."""
 MISSION_MODES = frozenset({Mode.MISSION, Mode.TAKEOFF, Mode.LAND})
 """Modes in which MISSION_CURRENT reports 'active', as PX4 does."""
 
 
 MAV_AUTOPILOT_PX4 = 12
 CLIMB = Climb(Place(0.0, 0.0, 0.0), 0.0, slow_below_m=FAST_LANDING_M, accept_m=HEIGHT_M, brakes=(UP[0], JERK))
-"""At MPC_TKO_SPEED up to MPC_LAND_ALT1; over when the item's height is nearly reached (mission_block.cpp)."""
+"""At MPC_TKO_SPEED up to MPC_LAND_ALT1; ends just below the item's height (mission_block.cpp)."""
 MANNERS = AirframeSettings(LIMITS, spool_s=4.1, disarm_landed_s=2.0, climb=CLIMB, wander_m=0.2)
-"""Measured: 4 to 5.5 s from arming to lift-off, of which COM_SPOOLUP_TIME is 1 and MPC_TKO_RAMP_T 3; the swing."""
+"""Measured: 4 to 5.5 s from arming to lift-off, of which COM_SPOOLUP_TIME is 1 and MPC_TKO_RAMP_T 3; the position
+error."""
 SENSORS_BOOT = (0x0, 0x0, 0x321C83F)
 SENSORS = (0x300402F, 0x301402F, 0x1320C83F)
 """From the recorded flights: (present, enabled, healthy)."""
 PREARM_BIT = 0x10000000
 """Sensor bit of the arming checks."""
 LOSS_MARGIN_S = 2.0
-"""Measured: AUTO.LOITER about 12 s after the last heartbeat, with COM_DL_LOSS_T at 10."""
+"""Extra delay of the link failsafe. Measured: AUTO.LOITER about 12 s after the last heartbeat, COM_DL_LOSS_T at 10."""
 CONE_CLOSE_M = 2.0
 UNKNOWN_CURRENT_CA = -100
 """Current without a sensor: -1 A in centiamperes, not -1."""
 EMPTY_TOTAL = 65535
 LEAST_FACTOR = 0.01
-"""Least factor on the rates of its streams."""
+"""Minimum factor on the rates of its streams."""
 RADIO_FORGOTTEN_S = 5.0
 """MAV_RADIO_TOUT."""
 EMERGENCY_PCT = 4.5
@@ -105,7 +106,7 @@ class Px4(Px4Guided):
         self.mission.left_fence_at = self._find_item_outside_fence
 
     def _own_commands(self) -> dict[int, Handler]:
-        # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
+        # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are missing: 'unsupported', as measured.
         return {
             messages.MavCommand.DO_SET_MODE: self._handle_set_mode_command,
             messages.MavCommand.MISSION_START: self._start_mission,
@@ -121,7 +122,7 @@ class Px4(Px4Guided):
     # Modes.
 
     def set_mode(self, mode: int) -> messages.Result:
-        """Change the mode as the crew wants it. It ends the hold of a failsafe, whatever that had in mind."""
+        """Change the mode as commanded by the crew. It ends a failsafe's hold and cancels its action."""
         if mode not in set(Mode):
             if mode >> 16 & 255 != MAIN_AUTO:
                 # Measured: a main mode that does not exist is accepted, and nothing happens.
@@ -142,18 +143,18 @@ class Px4(Px4Guided):
         return messages.Result.ACCEPTED
 
     def build_mode_order(self, word: str) -> messages.Command:
-        """Return the order of a mode as a ground station gives it."""
+        """Return the command with which a ground station sets a mode."""
         mode = WORDS[word]
         params = (1.0, float(mode >> 16 & 255), float(mode >> 24), 0.0, 0.0, 0.0, 0.0)
         return messages.Command(messages.MavCommand.DO_SET_MODE, params)
 
     def _handle_set_mode_command(self, command: messages.Command) -> messages.Result:
-        """Follow DO_SET_MODE. Measured: two acknowledgements, of the receipt and of the change; the first says yes."""
+        """Handle DO_SET_MODE. Measured: two acknowledgements, of receipt and of the change; the first accepts."""
         self.acknowledge(command, messages.Result.ACCEPTED)
         return self.set_mode(encode_custom_mode(command.integer_param(1), command.integer_param(2)))
 
     def _set_mode_message(self, message: messages.SetMode) -> None:
-        """Follow SET_MODE, which is acknowledged as if it were the command."""
+        """Handle SET_MODE, which is acknowledged like the command."""
         result = self.set_mode(message.custom_mode)
         self.acknowledge(messages.Command(messages.MavCommand.DO_SET_MODE, (0.0,) * 7), result)
 
@@ -221,7 +222,7 @@ class Px4(Px4Guided):
         yield from self.frame.go_home(up_m, speed_m_s=speed_m_s, linger_s=linger_s, land=land, to=to)
 
     def _return_height_m(self) -> float:
-        """Return the least height of the way home: RTL_RETURN_ALT, less inside the cone over the pad."""
+        """Return the minimum height of the return: RTL_RETURN_ALT, less inside the cone over the pad."""
         height_m, cone_deg = self.params["RTL_RETURN_ALT"], self.params["RTL_CONE_ANG"]
         away_m = math.hypot(self.frame.body.east_m, self.frame.body.north_m)
         if cone_deg <= 0:
@@ -232,7 +233,7 @@ class Px4(Px4Guided):
         return min(height_m, max(within_m, self.params["RTL_DESCEND_ALT"]))
 
     def _start_mission(self, command: messages.Command) -> messages.Result:
-        """Follow MISSION_START: from item param1, and it arms."""
+        """Handle MISSION_START: from item param1, and it arms."""
         if not self.mission.is_valid(self.now_s):
             self.voice.send_text(messages.Severity.CRITICAL, "Mission start denied! No valid mission")
             return messages.Result.DENIED
@@ -262,7 +263,7 @@ class Px4(Px4Guided):
         return None
 
     def arm(self) -> bool:
-        """Arm; armed in mission mode it sets off."""
+        """Arm; in mission mode it takes off."""
         was_armed = self.frame.armed
         armed = super().arm()
         if armed and not was_armed and self.mode in {Mode.MISSION, Mode.TAKEOFF}:
@@ -349,7 +350,7 @@ class Px4(Px4Guided):
         self._lost_gps |= self.frame.armed and self.positioning.without_s(self.now_s) > 0.0
         self._end_mission(self.mission.step(self.now_s))
         if self.mission.index != self._announced and self.mission.running:
-            # A new index is reported at once; a new mission goes out with the next second's report.
+            # A new index is reported at once; a new mission with the next second's report.
             self.schedule_now("MISSION_CURRENT")
         self._announced = self.mission.index
         self._announce_landed_state()
@@ -381,7 +382,7 @@ class Px4(Px4Guided):
         return heartbeat.ground_station
 
     def _load_fence(self) -> None:
-        """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
+        """Drop a fence that excludes home or, in the air, the vehicle: with a text, without a refusal (measured)."""
         self._shapes = ()
         held = {"Home position": Place(0.0, 0.0, 0.0)}
         if not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0:
@@ -403,7 +404,7 @@ class Px4(Px4Guided):
         return None
 
     def _describe_breach(self, place: Place) -> str:
-        """Return what PX4 says of a place outside its fence; nothing inside."""
+        """Return PX4's text for a place outside its fence; empty inside."""
         most_m, far_m = self.params["GF_MAX_VER_DIST"], self.params["GF_MAX_HOR_DIST"]
         if far_m > 0 and math.hypot(place.east_m, place.north_m) >= far_m:
             return "Geofence: exceeding maximum distance to Home"
@@ -412,7 +413,7 @@ class Px4(Px4Guided):
         return "" if mission_store.is_inside(self._shapes, place) else "Geofence: approaching or outside geofence"
 
     def _watch_fence(self) -> None:
-        """Act once at a breach: it holds first, as at any failsafe (measured)."""
+        """Act once at a breach: it holds first, as for any failsafe (measured)."""
         action = int(self.params["GF_ACTION"])
         if action == 0 or not self.frame.armed or self.frame.body.on_ground:
             self._outside = False
@@ -431,7 +432,7 @@ class Px4(Px4Guided):
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
 
     def _watch_link(self) -> None:
-        """Notice the ground station's silence; what it sets off is not undone when the station comes back."""
+        """Detect ground station link loss; its action stays in effect when the link returns."""
         silence_s = self.gcs_silence_s
         if self._link_lost or silence_s is None or silence_s < self.params["COM_DL_LOSS_T"] + LOSS_MARGIN_S:
             return
@@ -465,7 +466,7 @@ class Px4(Px4Guided):
         action = int(self.params["COM_LOW_BAT_ACT"])
         if state == 4 and (action in {2, 3} or self._emergency_ordered):
             self.frame.record_event("failsafe battery")
-            # It holds before it acts, unless a failsafe acts already; on its way down it goes on.
+            # It holds before it acts, unless a failsafe already acts; a landing continues.
             if self._failsafe:
                 self._action_due = None
                 self._switch(self._emergency)
@@ -475,7 +476,7 @@ class Px4(Px4Guided):
             self.frame.record_event("failsafe battery")
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
 
-    # People, fences, estimators.
+    # Pilots, fences, estimators.
 
     def _on_stick_input(self) -> None:
         if self.frame.armed and not self.frame.wrecked and self.mode >> 16 & 255 == MAIN_AUTO:
@@ -485,7 +486,7 @@ class Px4(Px4Guided):
     def _on_breach(self) -> None:
         self.voice.send_text(messages.Severity.WARNING, "Geofence violation")
         if not self.frame.armed:
-            return  # a failsafe acts in flight alone
+            return  # a failsafe acts only in flight
         self._failsafe = True
         self.voice.send_text(messages.Severity.CRITICAL, "Failsafe activated: switching to Return")
         self._switch(Mode.RETURN)
@@ -521,7 +522,7 @@ class Px4(Px4Guided):
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
-                # A lithium polymer pack for everything.
+                # A lithium polymer pack for all functions.
                 return messages.build_message(
                     "BATTERY_STATUS", **name_cells(battery.voltage_v), type=1, battery_function=1,
                     current_battery=self._current_ca(), energy_consumed=-1,
@@ -536,7 +537,7 @@ class Px4(Px4Guided):
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
             case "ESTIMATOR_STATUS":
-                # After a flight in which GPS was lost it stands on the ground and reckons.
+                # After a flight in which GPS was lost it still dead-reckons on the ground.
                 reckons = self._lost_gps and not self.frame.armed
                 flags = ALONE if reckons else self.positioning.flags(self.now_s)
                 return messages.build_message(

@@ -1,4 +1,4 @@
-"""PX4 v1.17.0 without a mission, as measured: places, circles, set-points, and failures to order."""
+"""PX4 v1.17.0 without a mission, as measured: places, circles, set-points, and injected failures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAIN_AUTO = 4
 
 
 def encode_custom_mode(main: int, sub: int = 0) -> int:
-    """Return the number that a heartbeat shows."""
+    """Return the custom mode that a heartbeat reports."""
     return sub << 24 | main << 16
 
 
@@ -43,31 +43,31 @@ FAILING_GPS, FAILING_MOTOR, WELL, OFF = 4, 101, 0, 1
 
 
 class Px4Guided(Autopilot):
-    """What one vehicle does of these."""
+    """Flight without a mission of one vehicle."""
 
     mission: Px4Mission
     _takeoff_up_m: float
     _centre = Place(0.0, 0.0, 0.0)
     _motor_off = False
     _lost_set_points = False
-    """Whether it returns because none came."""
+    """Whether it returns because set-points stopped."""
 
     @abstractmethod
     def _describe_breach(self, place: Place) -> str:
-        """Return what is said of a place outside the fence; nothing inside."""
+        """Return the text for a place outside the fence; empty inside."""
 
     @abstractmethod
     def _switch(self, mode: Mode) -> None:
         """Change the mode."""
 
     def _take_off(self, command: messages.Command) -> messages.Result:
-        """Take off to a height above mean sea level, or to the usual one."""
+        """Take off to a height above mean sea level, or to the default height."""
         least_m, up_m = self.params["MIS_TAKEOFF_ALT"], command.params[6] - self.home.alt_m
         self._takeoff_up_m = max(least_m, up_m) if math.isfinite(up_m) else least_m
         return self.set_mode(Mode.TAKEOFF)
 
     def _reposition(self, command: messages.Command) -> messages.Result:
-        """Fly to a place, and stay there. Measured: it does so too when it says that it does not support that."""
+        """Fly to a place, and hold there. Measured: it does so even when it reports the command as unsupported."""
         flags, speed_m_s = command.integer_param(1), command.params[0]
         asked_m_s = self.mission.asked_m_s if self.mode == Mode.LOITER else self.params["MPC_XY_CRUISE"]
         result = self.set_mode(Mode.LOITER) if flags == 1 else messages.Result.UNSUPPORTED
@@ -94,7 +94,7 @@ class Px4Guided(Autopilot):
             self.guided.go(place, speed_m_s)
 
     def _orbit(self, command: messages.Command) -> messages.Result:
-        """Circle about a place, after FlightTaskOrbit.cpp: clockwise where the radius is above 0, and not too fast."""
+        """Orbit a place, after FlightTaskOrbit.cpp: clockwise for a radius above 0, at limited speed."""
         radius_m, speed_m_s, up_m = command.params[0], command.params[1], command.params[6] - self.home.alt_m
         result, where, here = self.set_mode(Mode.ORBIT), command.place_e7, self.frame.body.place
         self._centre = here if where is None else self.home.place_of(*where, here.up_m)
@@ -130,7 +130,7 @@ class Px4Guided(Autopilot):
         return self.now_s - self.guided.heard_s > self.params["COM_OF_LOSS_T"]
 
     def _inject_failure(self, command: messages.Command) -> messages.Result | None:
-        """Lose a motor or GPS, as its simulations do; nobody answers for other units."""
+        """Fail a motor or GPS, as its simulations do; other units get no answer."""
         if not self.params["SYS_FAILURE_EN"]:
             return messages.Result.DENIED
         unit, kind = command.integer_param(0), command.integer_param(1)
@@ -163,4 +163,4 @@ class Px4Guided(Autopilot):
             self._lost_set_points = True
             self._switch(Mode.RETURN)
         elif self._lost_set_points and not self._lacks_set_points():
-            self._switch(Mode.OFFBOARD)  # it goes on as soon as they are there again
+            self._switch(Mode.OFFBOARD)  # it continues as soon as set-points return

@@ -1,7 +1,7 @@
-"""A pytest plugin: simulated fleets for tests of anything that speaks MAVLink.
+"""A pytest plugin: simulated fleets for tests of any MAVLink program.
 
-pytest loads this module in every session where faultline is installed, so it imports nothing but pytest until a test
-asks for a fleet.
+pytest loads this module in every session where faultline is installed, so it imports only pytest until a test requests
+a fleet.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(name="simulated_fleet")
 def lend_fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
-    """A fleet in a thread of its own, as the mark of this name orders it."""
+    """A fleet in its own thread, configured by the mark of this name."""
     from simulator.testing import fleet
 
     mark = request.node.get_closest_marker("simulated_fleet")
@@ -43,7 +43,7 @@ def lend_fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
-    """Run a coroutine that is marked `virtual_time`."""
+    """Run a coroutine marked `virtual_time`."""
     mark = pyfuncitem.get_closest_marker("virtual_time")
     if mark is None or not inspect.iscoroutinefunction(pyfuncitem.obj):
         return None
@@ -68,10 +68,10 @@ def pytest_runtest_setup() -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(  # pytest gives what a hook names
+def pytest_runtest_makereport(  # pytest requires these names
     call: pytest.CallInfo[None],
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Add what clients did wrong, and the dialogue, to the report of a test that failed."""
+    """Add clients' violations and the dialogue to the report of a failed test."""
     report = yield
     testing = sys.modules.get("simulator.testing")
     if testing is not None and report.failed and call.when == "call":

@@ -1,8 +1,8 @@
 """Telemetry radios: one half-duplex channel that a ground station and its vehicles share, as a pure state machine.
 
-Bytes and the time go in, bytes come out. A radio takes bytes from a serial line into a buffer that cuts what does not
-fit, sends packets in its turn on the air, and hands out on the other serial line what has arrived. Figures are those
-published of each radio; where a figure follows from others, the row says so.
+Bytes and the time go in, bytes come out. A radio buffers bytes from a serial line and cuts what does not fit, sends
+packets in its turn on the air, and delivers received bytes on the other serial line. Figures are those published for
+each radio; where a figure is derived from others, the row says so.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ LINE_BYTES = 2048
 BURST_PACKETS = 4
 """Mean length of a burst of losses."""
 OUTAGE_EVERY_S = 120.0
-"""Mean time between two outages; assumed, no figure is published."""
+"""Mean time between two outages; assumed, as no figure is published."""
 STATUS_WAITS_S = 0.15
-"""Time after which the stock firmware sends RADIO_STATUS alone; otherwise it is inserted between other bytes."""
+"""Time after which the stock firmware sends RADIO_STATUS alone; before that it inserts it between other bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class RadioProfile:
-    """How one kind of radio behaves."""
+    """Behaviour of one kind of radio."""
 
     byte_s: float
-    """Time of one byte on the air."""
+    """Air time of one byte."""
     overhead_s: float
-    """Time of an empty packet."""
+    """Air time of an empty packet."""
     packet_bytes: tuple[int, int]
     """Largest packet, up and down."""
     window_s: float = 0.0
-    """Transmit window of every node, once a round."""
+    """Transmit window of every node, once per round."""
     round_s: float = 0.0
     """Round time shared equally by all nodes, instead of windows."""
     silence_s: float = 0.0
@@ -58,9 +58,9 @@ class RadioProfile:
     speaks: bool = True
     """Whether it sends RADIO_STATUS."""
     shared: bool = True
-    """Whether all vehicles share one channel; otherwise each has its own pair."""
+    """Whether all vehicles share one channel; otherwise each has its own radio pair."""
     delay_s: tuple[float, float] = (0.0, 0.0)
-    """Additional delay, least and greatest."""
+    """Additional delay, minimum and maximum."""
     outage_s: float = 0.0
     serial_bytes_s: float = 5760.0
     fifo_bytes: tuple[int, int] = (1850, 645)
@@ -74,8 +74,8 @@ _SIK_ECC = replace(_SIK, byte_s=288e-6, overhead_s=3.2e-3, packet_bytes=(118, 11
 def _with_bugs(profile: RadioProfile) -> RadioProfile:
     """Return a radio with stock firmware.
 
-    The losses published of stock firmware, 31 to 65 % above 4 kB/s and 11 to 63 % above 1.2 kB/s, and its 924 ms under
-    load, are those of radios that never get more than their own window.
+    The losses published for stock firmware (31 to 65 % above 4 kB/s, 11 to 63 % above 1.2 kB/s) and its 924 ms under
+    load are those of radios that never get more than their own window.
     """
     return replace(profile, splits_frames=True, yields=False)
 
@@ -87,7 +87,7 @@ _LTE = RadioProfile(
 
 
 def _mlrs(rate_hz: float) -> RadioProfile:
-    """Return mLRS at a rate; with the bytes of a packet its published rates up and down follow."""
+    """Return mLRS at a packet rate; with its bytes per packet this gives the published rates up and down."""
     half_s = 0.5 / rate_hz
     return RadioProfile(0.0, 0.9 * half_s, (64, 82), round_s=2 * half_s, shared=False, whole_frames=True)
 
@@ -106,14 +106,14 @@ PROFILES: Mapping[str, RadioProfile] = {
     "lte-8": replace(_LTE, outage_s=8.0),
     "lte-20": replace(_LTE, outage_s=20.0),
 }
-"""SiK at 64 kbit/s with its bugs mended, or stock, without and with error correction; mLRS by its packet rate; RFD900x
-with several nodes, each heard 0.7 times a second, and so
-late that a round trip takes the 1 to 2 s that are published; LTE, also with outages of so many seconds."""
+"""Radios by name: SiK at 64 kbit/s with its bugs fixed, or stock, without and with error correction; mLRS by packet
+rate; RFD900x with several nodes, each heard 0.7 times a second and late enough for the published round trip of 1 to 2
+s; LTE, also with outages of the given seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class RadioSetup:
-    """A radio as it is ordered."""
+    """Selected radio profile and its loss."""
 
     profile: RadioProfile
     loss: float = 0.0
@@ -144,11 +144,11 @@ def parse_radio(text: str) -> RadioSetup:
 
 
 def measure_frame(data: bytes | bytearray) -> int:
-    """Return how many bytes the frame has that these begin with, or what stands before the next one.
+    """Return the length of the frame at the start of these bytes, or of the bytes before the next frame.
 
-    The number is larger than that of the bytes where the frame is not whole. A frame with flags that nobody knows is
-    none: every MAVLink parser looks on behind them (mavlink_helpers.h; measured on both autopilots). So a report of a
-    radio that falls on a frame's length does not have 278 bytes taken for one frame.
+    The length exceeds that of the bytes if the frame is incomplete. A frame with unknown flags does not count: every
+    MAVLink parser searches on after its flags (mavlink_helpers.h; measured on both autopilots). So a radio report that
+    overwrites a frame's length does not turn 278 bytes into one frame.
     """
     if data[0] not in MAGICS:
         return _find_magic(data, 1)
@@ -170,7 +170,7 @@ def is_heartbeat(frame: bytes) -> bool:
 
 
 class BurstLoss:
-    """Losses that come in bursts: a good state that loses nothing, a bad one that loses everything."""
+    """Burst losses: a good state that loses nothing, and a bad one that loses everything."""
 
     def __init__(self, share: float, rng: random.Random) -> None:
         self._rng = rng
@@ -185,7 +185,7 @@ class BurstLoss:
 
 
 class _Way:
-    """Between the ground's radio and one vehicle's: its losses, its outages, its delay."""
+    """Path between the ground's radio and one vehicle's: losses, outages, delay."""
 
     def __init__(self, setup: RadioSetup, rng: random.Random) -> None:
         self._profile, self._rng = setup.profile, rng
@@ -194,10 +194,10 @@ class _Way:
         self._latest_s = {True: 0.0, False: 0.0}
 
     def carry(self, sent_s: float, took_s: float, *, up: bool) -> float | None:
-        """Return when what was sent, and took so long on the air, arrives; None if it is lost."""
+        """Return the arrival time of a packet that spent ``took_s`` on the air; None if it is lost."""
         if self._loss.draw_loss() or self._is_out(sent_s):
             return None
-        # Nothing overtakes what was sent before, or arrives at the same time.
+        # No packet overtakes an earlier one, or arrives at the same time.
         self._latest_s[up] = max(self._latest_s[up] + took_s, sent_s + self._rng.uniform(*self._profile.delay_s))
         return self._latest_s[up]
 
@@ -233,7 +233,7 @@ class _Node:
         """RADIO_STATUS that the stock firmware inserts between the next bytes."""
 
     def offer(self, vehicle: int, data: bytes, now_s: float) -> None:
-        """Take bytes that somebody sends on the serial line."""
+        """Take bytes sent on the serial line."""
         rate_bytes_s = self._profile.serial_bytes_s
         while data:
             frame = data[: measure_frame(data)]
@@ -246,7 +246,7 @@ class _Node:
             self._line_free_s = begins_s + len(frame) / rate_bytes_s
 
     def take_out(self, vehicle: int, now_s: float) -> list[bytes]:
-        """Take away what has come out on the serial line by now, a frame each or what is left of one."""
+        """Remove and return bytes output on the serial line so far: one frame, or its remains, per item."""
         waiting = self._out.get(vehicle, [])
         taken = []
         while waiting and waiting[0][0] <= now_s:
@@ -254,7 +254,7 @@ class _Node:
         return taken
 
     def fill(self, now_s: float) -> None:
-        """Let into the buffer what the serial line has brought by now; what has no room is cut."""
+        """Move bytes that the serial line has delivered so far into the buffer; what does not fit is cut."""
         while self._line and self._line[0][0] < now_s:
             begins_s, frame, vehicle = self._line[0]
             come = min(len(frame), int((now_s - begins_s) * self._profile.serial_bytes_s + 1e-6))
@@ -278,7 +278,7 @@ class _Node:
             self._put_out(vehicle, status, now_s, whole=True)
 
     def find_ready_s(self, now_s: float) -> float:
-        """Return when it has something to send, as far as is known."""
+        """Return when it next has something to send, as far as known."""
         if self.fifo and self._measure_ready(0) > 0:
             return now_s
         if not self._line:
@@ -287,7 +287,7 @@ class _Node:
         return max(now_s, begins_s) + (len(frame) - self._inside + 1) / self._profile.serial_bytes_s
 
     def take_packet(self, room_bytes: int) -> bytes:
-        """Take what goes into a packet for which the window has so much room; empty if nothing fits or is there."""
+        """Remove and return a packet of at most ``room_bytes``; empty if there is nothing, or nothing fits."""
         room, size = min(room_bytes, self._most_bytes), 0
         while size < min(room, len(self.fifo)) and (frame := self._measure_ready(size)):
             size = min(room, size + frame)
@@ -296,14 +296,14 @@ class _Node:
         return packet
 
     def _measure_ready(self, place: int) -> int:
-        """Return how many bytes of the buffer from a place on go together; 0 where the rest is on its way."""
+        """Return how many buffered bytes from ``place`` on form one unit; 0 if the rest has not arrived yet."""
         frame, left = measure_frame(self.fifo[place : place + 280]), len(self.fifo) - place
         if frame <= left or not self._inside:
             return min(frame, left)
         return 0
 
     def arrive(self, vehicle: int, data: bytes, at_s: float) -> None:
-        """Take a packet from the air."""
+        """Receive a packet from the air."""
         if self._status is not None:
             place = self._rng.randrange(len(data) + 1)
             data = data[:place] + self._status[2] + data[place:]
@@ -311,7 +311,7 @@ class _Node:
         self._put_out(vehicle, data, at_s)
 
     def _put_out(self, vehicle: int, data: bytes, at_s: float, *, whole: bool = False) -> None:
-        """Hand out bytes on the serial line; what its buffer has no room for is cut."""
+        """Output bytes on the serial line; what its buffer cannot hold is cut."""
         begins_s, rate_bytes_s = max(at_s, self._out_free_s), self._profile.serial_bytes_s
         room = max(0, int(self._profile.fifo_bytes[1] - (begins_s - at_s) * rate_bytes_s))
         self.cut_bytes += max(0, len(data) - room)
@@ -326,7 +326,7 @@ class _Node:
             del tail[:size]
 
     def _report(self, vehicle: int, now_s: float) -> None:
-        """Say RADIO_STATUS on the serial line."""
+        """Output RADIO_STATUS on the serial line."""
         size = self._profile.fifo_bytes[0]
         txbuf_pct = 100 * ((size - len(self.fifo)) // 8) // (size // 8)
         status = self._codec.encode(
@@ -341,17 +341,17 @@ class _Node:
 
 
 class Radio:
-    """One channel: its nodes have the air in turn."""
+    """One channel: its nodes transmit in turn."""
 
     def __init__(self, setup: RadioSetup, vehicles: Sequence[int], seed: int | str = 0) -> None:
-        """Switch it on at 0 s, with the ground station's node and one for each of these vehicles."""
+        """Switch it on at 0 s, with one node for the ground station and one for each vehicle."""
         rng, self._profile = random.Random(f"{seed}:radio"), setup.profile
         self._nodes = {number: _Node(setup.profile, rng, up=number == GROUND) for number in (GROUND, *vehicles)}
         self._ways = {number: _Way(setup, rng) for number in vehicles}
         profile, count = setup.profile, len(self._nodes)
         self._window_s = profile.round_s / count - profile.silence_s if profile.round_s else profile.window_s
         self._turns = deque(self._nodes)
-        """Nodes in order of turn; the present one first."""
+        """Nodes in transmit order; the current one first."""
         self._now_s, self._ends_s = 0.0, self._window_s
         self._yielded = False
         self._spoke_s = dict.fromkeys(self._nodes, 0.0)
@@ -359,17 +359,17 @@ class Radio:
 
     @property
     def cut_bytes(self) -> int:
-        """What had no room anywhere."""
+        """Bytes cut in all buffers."""
         return sum(node.cut_bytes for node in self._nodes.values())
 
     def send(self, vehicle: int, data: bytes, now_s: float, *, up: bool) -> None:
-        """Take bytes for a vehicle from the ground station, or the other way round."""
+        """Take bytes from the ground station for a vehicle, or the reverse."""
         self._nodes[GROUND if up else vehicle].offer(vehicle, data, now_s)
 
     def take(self, vehicle: int, now_s: float, *, up: bool) -> list[bytes]:
-        """Return what has come to a vehicle, or to the ground station from it, by now.
+        """Return bytes that have reached a vehicle, or the ground station from it, by now.
 
-        The channel lives as far as all vehicles have, as they say here.
+        The channel advances as far as all vehicles have, as reported by these calls.
         """
         self._lived_s[vehicle] = max(self._lived_s[vehicle], now_s)
         self._advance(min(self._lived_s.values()))
@@ -389,12 +389,12 @@ class Radio:
                 self._wait(until_s)
 
     def _speakers(self) -> list[int]:
-        """Return who may have the air now, who has waited longest first."""
+        """Return the nodes that may transmit now, longest waiting first."""
         owner, *others = self._turns
         return sorted(others, key=self._spoke_s.__getitem__) if self._yielded else [owner]
 
     def _send_packet(self) -> bool:
-        """Let a node that may send do so; False if none has anything that fits."""
+        """Let a permitted node send a packet; False if none has one that fits."""
         profile, left_s = self._profile, self._ends_s - self._now_s
         room_s = left_s - profile.overhead_s
         room_bytes = int(room_s / profile.byte_s + 1e-6) if profile.byte_s and room_s > 0 else 10**6 * (room_s > 0)
@@ -410,9 +410,9 @@ class Radio:
         return False
 
     def _wait(self, until_s: float) -> None:
-        """Give the window to the others, or let the time pass until somebody has something to say."""
+        """Pass the window to the others, or advance to when a node has something to send."""
         ready_s = min(self._nodes[number].find_ready_s(self._now_s) for number in self._speakers())
-        if ready_s <= self._now_s:  # what is there does not fit any more
+        if ready_s <= self._now_s:  # the buffered data no longer fits
             self._now_s = self._ends_s
         elif self._profile.yields and not self._yielded:
             self._yielded = True
@@ -429,7 +429,7 @@ class Radio:
 
 
 def build_radios(setup: RadioSetup, vehicles: int, seed: int | str = 0) -> list[Radio]:
-    """Return the channel of each vehicle: one for all where the radio is shared."""
+    """Return the channel of each vehicle: the same for all if the radio is shared."""
     if setup.profile.shared:
         return [Radio(setup, range(vehicles), seed)] * vehicles
     return [Radio(setup, (number,), f"{seed}:{number}") for number in range(vehicles)]

@@ -1,4 +1,4 @@
-"""ArduPilot's side of the mission protocol, measured on Copter 4.7-dev unless a line says otherwise.
+"""ArduPilot's side of the mission protocol, measured on Copter 4.7-dev unless a line names another source.
 
 A mission changes item by item, a fence and rally points take effect at the last item of an upload.
 """
@@ -48,7 +48,7 @@ _POLYGONS = frozenset({PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VER
 
 
 class ArduPilotList(Uploading):
-    """A list of items and the dialogue that changes it: a fence, rally points, or a mission that adds its own."""
+    """A list of items and the dialogue that changes it: a fence, rally points, or a mission, which extends it."""
 
     def __init__(self, kind: int, patience_s: float = 0.0) -> None:
         self.kind = kind
@@ -60,13 +60,13 @@ class ArduPilotList(Uploading):
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        """What is on board."""
+        """Items on board."""
         return self._items
 
     def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
-        """Follow the protocol; ``locked`` is that it cannot be cleared now."""
+        """Handle a protocol message; ``locked`` means that the list cannot be cleared now."""
         if isinstance(message, MissionAckReceived):
-            # The end of a download; it needs no state here. As a cancellation of an upload it is not understood.
+            # The end of a download; it needs no state here. It is not accepted as cancellation of an upload.
             return StoreStep()
         reads = isinstance(message, MissionRequestList | MissionRequest)
         if self._upload is not None and (reads or self._upload.partner != sender):
@@ -86,7 +86,7 @@ class ArduPilotList(Uploading):
                 return self._read(message, sender)
 
     def tick(self, now_s: float) -> StoreStep:
-        """Ask again after a second, give up after eight or what the simulation demands."""
+        """Repeat a request after a second; give up after eight or the configured time."""
         upload = self._upload
         if upload is None:
             return StoreStep()
@@ -99,10 +99,10 @@ class ArduPilotList(Uploading):
         return self._request_next_item(upload, now_s)
 
     def forget_transfers(self) -> None:
-        """Drop what is under way."""
+        """Drop the present transfer."""
         self._upload = None
 
-    # What a mission does differently.
+    # Overridden for a mission.
 
     def _begin(self, count: int, sender: Peer, now_s: float) -> StoreStep:
         if self.fault is UploadFault.REFUSE:
@@ -116,7 +116,7 @@ class ArduPilotList(Uploading):
         return replace(step, truncated=self._truncate(count))
 
     def _begin_part(self, first: int, last: int, sender: Peer, now_s: float) -> StoreStep:
-        """Ask for a part of what is on board; the rest stays."""
+        """Request a part of the list on board; the rest stays."""
         if self._upload is not None:
             return self._build_ack(sender, MissionResult.DENIED)
         if not 0 <= first <= last <= len(self.items):
@@ -127,7 +127,7 @@ class ArduPilotList(Uploading):
         return self._request_next_item(self._upload, now_s)
 
     def _truncate(self, count: int) -> bool:  # noqa: ARG002 - it is replaced at its last item
-        """Shorten what is on board to an upload's length; returns whether that is done as it is announced."""
+        """Shorten the list on board to an upload's length; returns whether that happens at the announcement."""
         return False
 
     def _take(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
@@ -135,7 +135,7 @@ class ArduPilotList(Uploading):
         if upload is None:
             return self._build_ack(sender, MissionResult.ERROR)
         if message.seq != upload.next:
-            # A warning only: the upload goes on.
+            # A warning only: the upload continues.
             return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
         refusal = self._refuse_item(message)
         if refusal is not None:
@@ -158,7 +158,7 @@ class ArduPilotList(Uploading):
         return None if item.command in known else MissionResult.UNSUPPORTED
 
     def _keep_item(self, upload: Transfer, item: MissionItem) -> None:
-        # It comes back without flags, of a rally point with the height in whole metres.
+        # It is sent back without flags, and a rally point with the height in whole metres.
         if self.kind == RALLY:
             item = replace(item, frame=Frame.GLOBAL_RELATIVE_ALT, z=float(int(item.z)))
         else:
@@ -196,7 +196,7 @@ class ArduPilotList(Uploading):
 
 
 def is_complete_list(items: Sequence[MissionItem]) -> bool:
-    """Return whether every polygon has three corners or more, and as many as it says."""
+    """Return whether every polygon has at least three corners, and its stated number."""
     index = 0
     while index < len(items):
         item, size = items[index], 1
@@ -224,14 +224,14 @@ class ArduPilotStore(ArduPilotList):
     def __init__(self, home: MissionItem, patience_s: float = 0.0) -> None:
         super().__init__(MISSION_TYPE_MISSION, patience_s)
         self._memory: list[MissionItem] = [home]
-        """Storage on the board; items beyond ``_count`` are stale but still there."""
+        """Storage on the board; items beyond ``_count`` are stale but still present."""
         self._count = 1
         self._advised: set[str] = set()
         self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
 
     @property
     def upload(self) -> Transfer | None:
-        """What it is asking for items for, of all three lists."""
+        """Upload whose items it is requesting, of all three lists."""
         return next((one for one in (self._upload, *(one.upload for one in self._lists.values())) if one), None)
 
     def set_home(self, home: MissionItem) -> None:
@@ -263,11 +263,11 @@ class ArduPilotStore(ArduPilotList):
         return self._count
 
     def stale_item_at(self, seq: int) -> MissionItem | None:
-        """Return what the memory holds at an index, whether it still belongs to the mission or not."""
+        """Return the stored item at an index, even beyond the mission's end."""
         return self._memory[seq] if 0 <= seq < len(self._memory) else None
 
     def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
-        """Follow the protocol of the list that is spoken of; ``locked`` is that the mission runs, armed."""
+        """Handle a message with the list it addresses; ``locked`` means that the mission runs, armed."""
         if isinstance(message, MissionAckReceived) or message.mission_type == self.kind:
             return super().handle(message, sender, now_s, locked=locked)
         beside = self._lists.get(message.mission_type)
@@ -277,7 +277,7 @@ class ArduPilotStore(ArduPilotList):
         return beside.handle(message, sender, now_s, locked=False)
 
     def put_file_part(self, part: FilePart, *, locked: bool) -> StoreStep:
-        """Take a part of the mission that came as a file; ``locked`` is that the mission runs, armed."""
+        """Store a part of the mission that came as a file; ``locked`` means that the mission runs, armed."""
         cleared = not part.keeps_rest and not locked
         if cleared:
             self._count = 1
@@ -288,7 +288,7 @@ class ArduPilotStore(ArduPilotList):
         return StoreStep(cleared=cleared, stored=True)
 
     def tick(self, now_s: float) -> StoreStep:
-        """Let the uploads of all three lists go on."""
+        """Continue the uploads of all three lists."""
         steps = [super().tick(now_s), *(one.tick(now_s) for one in self._lists.values())]
         said = [step for step in steps if step.send or step.texts]
         if not said:
@@ -298,13 +298,13 @@ class ArduPilotStore(ArduPilotList):
         )
 
     def forget_transfers(self) -> None:
-        """Drop what is under way."""
+        """Drop the present transfers."""
         super().forget_transfers()
         for one in self._lists.values():
             one.forget_transfers()
 
     def _truncate(self, count: int) -> bool:
-        # Measured: 0 is accepted in AUTO too, and it flies on to its old waypoint.
+        # Measured: 0 is accepted in AUTO too, and it continues to its old waypoint.
         self._count = min(self._count, count)
         return True
 
@@ -336,7 +336,7 @@ class ArduPilotStore(ArduPilotList):
     def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
         step = super()._read(message, sender)
         if self.item_at(message.seq) is None:
-            # It tells how many there are.
+            # It reports the number of items.
             return StoreStep((build_mission_count(sender, self._count), *step.send))
         return replace(step, texts=() if message.integer else self._recommend_int_messages(REQUEST_ADVICE))
 

@@ -1,6 +1,6 @@
 """PX4's side of the mission protocol: a second buffer that replaces the mission at its last item.
 
-Measured on v1.17.0 unless a line says otherwise.
+Measured on v1.17.0 unless a line names another source.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ TIMEOUT_TEXT = (messages.Severity.WARNING, "Operation timeout")
 
 
 class _Lists:
-    """What is on board, whichever link it came over."""
+    """Lists on board, shared by all links."""
 
     def __init__(self) -> None:
         self.items: dict[int, tuple[MissionItem, ...]] = dict.fromkeys(MOST, ())
@@ -52,7 +52,7 @@ class _Lists:
 
 
 class Px4Store(Uploading):
-    """The mission on board, and the transfers over one link: `beside` that of the first."""
+    """The mission on board, and the transfers over one link: `beside` is the first link's store."""
 
     def __init__(self, patience_s: float = 0.0, beside: Px4Store | None = None) -> None:
         self._give_up_s = max(GIVE_UP_S, patience_s)
@@ -68,7 +68,7 @@ class Px4Store(Uploading):
 
     @property
     def fault(self) -> UploadFault:
-        """What an injected fault does to uploads."""
+        """Effect of an injected fault on uploads."""
         return self.lists.fault
 
     @fault.setter
@@ -108,7 +108,7 @@ class Px4Store(Uploading):
         *,
         locked: bool,  # noqa: ARG002
     ) -> StoreStep:
-        """Follow the protocol; this dialect may be cleared in flight, ``locked`` or not."""
+        """Handle a protocol message; this dialect accepts a clear in flight, ``locked`` or not."""
         if isinstance(message, messages.MissionAckReceived):
             return self._end(message, sender)
         if message.mission_type not in MOST:
@@ -117,7 +117,7 @@ class Px4Store(Uploading):
             case messages.MissionCount():
                 return self._begin(message, sender, now_s)
             case messages.MissionWritePartialList():
-                return StoreStep()  # it does not know this message
+                return StoreStep()  # this dialect lacks the message
             case messages.ItemReceived():
                 return self._store(message, sender, now_s)
             case messages.MissionRequestList():
@@ -128,7 +128,7 @@ class Px4Store(Uploading):
                 return self._clear(sender, message.mission_type)
 
     def tick(self, now_s: float) -> StoreStep:
-        """Ask again after 250 ms, give up after 5 s, or what the simulation demands, with a text and without an ACK."""
+        """Repeat a request after 250 ms; give up after 5 s or the configured time, with a text and without an ACK."""
         if self._download is not None and now_s - self._download.heard_s >= self._give_up_s:
             self._download = None
             return StoreStep(texts=(TIMEOUT_TEXT,))
@@ -143,7 +143,7 @@ class Px4Store(Uploading):
         return StoreStep((self._ask(upload, now_s),))
 
     def forget_transfers(self) -> None:
-        """Drop what is under way."""
+        """Drop the present transfer."""
         self._upload = self._download = None
 
     def _clear(self, sender: messages.Peer, kind: int) -> StoreStep:
@@ -163,9 +163,9 @@ class Px4Store(Uploading):
         if self._download is not None:
             return replace(refused, texts=_build_critical_text("WPM: IGN MISSION_COUNT: Busy"))
         if any(other.is_receiving for other in self.lists.stores if other is not self):
-            return refused  # by its source: one upload over all links, and whoever asks elsewhere prolongs nothing
+            return refused  # from its source: one upload over all links; a request on another prolongs nothing
         if self._upload is not None and (sender != self._upload.partner or self._upload.next > 0):
-            # Whoever it is that asks in vain, the transfer lives longer by it.
+            # A refused request from any sender prolongs the transfer.
             self._upload.heard_s = now_s
             return refused if sender != self._upload.partner else replace(refused, texts=_build_critical_text(BUSY))
         self._partner = sender
@@ -181,7 +181,7 @@ class Px4Store(Uploading):
         if sender != self._partner:
             return _reject_with_text("REJ. MIS ITEM: partner id mismatch")
         upload = self._upload
-        # It asks on in the flavour that it was answered in.
+        # It continues with the request type that was answered.
         self._integer = message.integer
         if upload is None:
             return self._handle_late_item(message, sender)
@@ -214,7 +214,7 @@ class Px4Store(Uploading):
         if message.seq == self._last_count - 1 and message.mission_type == self._last_kind:
             if message.mission_type != messages.MISSION_TYPE_MISSION:
                 return acknowledge(sender, messages.MissionResult.ACCEPTED, message.mission_type)
-            # The final ACK was lost: it is said again.
+            # The final ACK was lost: it is repeated.
             return acknowledge(sender, messages.MissionResult.ACCEPTED, opaque_id=self.lists.mission_id)
         return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: No transfer"))
 
@@ -228,7 +228,7 @@ class Px4Store(Uploading):
         crc = compute_list_checksum(upload.items)
         reply = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, opaque_id=crc)
         if crc == self.lists.mission_id:
-            # The same content is not looked at again, not even for its ``current``.
+            # Identical content is not evaluated again, not even for its ``current``.
             return reply
         flagged = [item.seq for item in upload.items if item.current]
         self._replace(upload.kind, tuple(upload.items))
@@ -249,7 +249,7 @@ class Px4Store(Uploading):
     def _begin_download(self, sender: messages.Peer, now_s: float, kind: int) -> StoreStep:
         others = self._download is not None and self._download.partner != sender
         if self._upload is not None or others:
-            # A text to everybody, and no ACK.
+            # A text to all, and no ACK.
             return StoreStep(texts=((messages.Severity.INFO, "Mission download request ignored, already active"),))
         self._partner = sender
         items = self.lists.items[kind]
@@ -282,7 +282,7 @@ class Px4Store(Uploading):
 
 
 def _to_message_form(item: MissionItem, *, integer: bool) -> MissionItem:
-    """Return the item as it is sent: frames with and without _INT are one, and follow the kind of the message."""
+    """Return the item as sent: frames with and without _INT are equal, and follow the message type."""
     pairs = ((Frame.GLOBAL, Frame.GLOBAL_INT), (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT))
     frame = next((pair[integer] for pair in pairs if item.frame in pair), item.frame)
     return replace(item, frame=frame)

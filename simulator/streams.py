@@ -9,7 +9,7 @@ MESSAGE_IDS: Mapping[str, int] = {
     "GLOBAL_POSITION_INT": 33, "MISSION_CURRENT": 42, "VFR_HUD": 74, "TIMESYNC": 111, "BATTERY_STATUS": 147,
     "AUTOPILOT_VERSION": 148, "FENCE_STATUS": 162, "WIND": 168, "EKF_STATUS_REPORT": 193, "ESTIMATOR_STATUS": 230,
     "WIND_COV": 231, "HOME_POSITION": 242, "EXTENDED_SYS_STATE": 245,
-    # What is sent when somebody asks for it.
+    # Sent on request.
     "SCALED_IMU": 26, "RAW_IMU": 27, "SCALED_PRESSURE": 29, "ATTITUDE_QUATERNION": 31, "SERVO_OUTPUT_RAW": 36,
     "GPS_GLOBAL_ORIGIN": 49, "NAV_CONTROLLER_OUTPUT": 62, "RC_CHANNELS": 65, "POSITION_TARGET_LOCAL_NED": 85,
     "POSITION_TARGET_GLOBAL_INT": 87, "HIGHRES_IMU": 105, "HIL_STATE_QUATERNION": 115, "ALTITUDE": 141,
@@ -33,7 +33,7 @@ FRAME_BYTES: Mapping[str, int] = {
 
 
 class Streams:
-    """The schedule of a vehicle's telemetry over one of its links, and what that link's radio makes of it."""
+    """Telemetry schedule of one of a vehicle's links, and the effect of that link's radio."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Streams:
         now_s: float,
         slow_down: Callable[[Streams, float], float] = lambda _, interval_s: interval_s,
     ) -> None:
-        """Begin; `slow_down` returns the interval that is kept, in seconds, for one that was asked for."""
+        """Begin; `slow_down` returns the actual interval in seconds for a requested one."""
         self._defaults_s, self._slow_down = defaults_s, slow_down
         self._interval_s = dict(defaults_s)
         self._due_s = dict.fromkeys(defaults_s, now_s)
@@ -52,15 +52,15 @@ class Streams:
 
     @property
     def bytes_s(self) -> float:
-        """What everything on schedule but HEARTBEAT needs, as PX4 counts it: without signatures."""
+        """Bytes a second of all scheduled messages but HEARTBEAT, as PX4 counts them: without signatures."""
         return sum(FRAME_BYTES.get(name, 60) / one for name, one in self._interval_s.items() if name != "HEARTBEAT")
 
     def interval_s(self, name: str) -> float | None:
-        """Return the interval, or None when the message is not sent by itself."""
+        """Return the interval, or None if the message is not streamed."""
         return self._interval_s.get(name)
 
     def set_interval(self, name: str, interval_us: float, now_s: float) -> None:
-        """Follow SET_MESSAGE_INTERVAL: microseconds, 0 for the default, -1 for never."""
+        """Apply SET_MESSAGE_INTERVAL: microseconds, 0 for the default, -1 for never."""
         if interval_us > 0:
             interval_s: float | None = interval_us * 1e-6
         else:
@@ -73,17 +73,17 @@ class Streams:
         self._due_s[name] = now_s + interval_s
 
     def request(self, stream: int, rate_hz: int, now_s: float) -> None:
-        """Follow REQUEST_DATA_STREAM; a rate of 0 stops the stream."""
+        """Apply REQUEST_DATA_STREAM; a rate of 0 stops the stream."""
         for name in {name for number, names in STREAMS.items() if stream in {0, number} for name in names}:
             self.set_interval(name, 1e6 / rate_hz if rate_hz > 0 else -1.0, now_s)
 
     def schedule_now(self, name: str, now_s: float) -> None:
-        """Send a streamed message now, because what it says has changed."""
+        """Send a streamed message now, because its content has changed."""
         if name in self._due_s:
             self._due_s[name] = now_s
 
     def take_due(self, now_s: float) -> Iterator[str]:
-        """Yield what is to be sent now; after a gap each message comes once, not in a burst."""
+        """Yield the messages due now; after a gap each comes once, not in a burst."""
         for name, due_s in self._due_s.items():
             if due_s <= now_s + 1e-9:
                 interval_s = self._interval_s[name]

@@ -1,6 +1,6 @@
-"""Telemetry that both dialects fill alike, and sensor values derived from the body's motion.
+"""Telemetry that both dialects fill identically, and sensor values derived from the body's motion.
 
-Only what the simulation has is reported: it has no magnetic field, no differential pressure and no noise.
+Only simulated quantities are reported: there is no magnetic field, no differential pressure and no noise.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Builder = Callable[[], Outbound | None]
 
 
 class Reporter(Protocol):
-    """What a vehicle has that is reported."""
+    """Properties of a vehicle that telemetry reports."""
 
     CAPABILITIES: ClassVar[int]
     VERSION: ClassVar[tuple[int, int, int, int]]
@@ -60,7 +60,7 @@ AUTOPILOT_ESTIMATOR = 8
 
 
 def make_builders(vehicle: Reporter) -> Mapping[str, Builder]:
-    """Return what makes the telemetry that both dialects fill alike, by the message's name."""
+    """Return the builders of telemetry that both dialects fill identically, by message name."""
     home, body, frame = vehicle.home, vehicle.frame.body, vehicle.frame
     lat, lon = home.lat_lon_e7(0.0, 0.0)
     return {
@@ -95,7 +95,7 @@ def make_builders(vehicle: Reporter) -> Mapping[str, Builder]:
 
 
 def _make_sensors(vehicle: Reporter) -> Mapping[str, Builder]:
-    """Return what makes the reports of sensors and motors, which are sent when somebody asks for them."""
+    """Return the builders of sensor and motor messages, sent on request."""
     home, body = vehicle.home, vehicle.frame.body
 
     def scaled_imu(name: str, **stamp: int) -> Outbound:
@@ -142,7 +142,7 @@ def _make_sensors(vehicle: Reporter) -> Mapping[str, Builder]:
 
 
 def _make_states(vehicle: Reporter) -> Mapping[str, Builder]:
-    """Return what makes the reports of where it is, as estimated and as it is."""
+    """Return the builders of position messages, estimated and true."""
     home, body = vehicle.home, vehicle.frame.body
     return {
         "ALTITUDE": lambda: build_message(
@@ -172,7 +172,7 @@ def _make_states(vehicle: Reporter) -> Mapping[str, Builder]:
 
 
 def name_rates(body: Body) -> dict[str, float]:
-    """Return how fast it turns, by the fields' names."""
+    """Return the turn rates by field name."""
     return dict(zip(("rollspeed", "pitchspeed", "yawspeed"), body.turn_rates_rad_s, strict=True))
 
 
@@ -190,7 +190,7 @@ def _build_truth(vehicle: Reporter, rates: Mapping[str, float]) -> Outbound:
 
 
 def _make_targets(vehicle: Reporter) -> Mapping[str, Builder]:
-    """Return what makes the reports of where it flies to; without such a place there is none."""
+    """Return the builders of target messages, which are omitted without a target."""
     home, body = vehicle.home, vehicle.frame.body
 
     def target() -> Place | None:
@@ -247,7 +247,7 @@ def temperature_deg(alt_m: float) -> float:
 
 
 def thrust_share(vehicle: Reporter) -> float:
-    """Return what share of its full thrust the motors give: what carries the body as it moves now."""
+    """Return the share of full thrust that the present motion needs."""
     frame = vehicle.frame
     if not frame.motors_on or frame.body.on_ground:
         return 0.0
@@ -257,7 +257,7 @@ def thrust_share(vehicle: Reporter) -> float:
 
 
 def heading_cdeg(body: Body) -> int:
-    """Return where its nose points, in hundredths of a degree."""
+    """Return the heading in hundredths of a degree."""
     return round(math.degrees(body.yaw_rad) * 100) % 36000
 
 
@@ -290,7 +290,7 @@ def _build_gps_raw(vehicle: Reporter) -> Outbound:
 
 
 def name_cells(voltage_v: float) -> dict[str, FieldValue]:
-    """Return what both autopilots say in BATTERY_STATUS: the pack in the first cell, the rest unused."""
+    """Return the cells in BATTERY_STATUS as both autopilots do: the pack in the first, the rest unused."""
     cells = round(voltage_v * 1000), *UNUSED_CELLS
     unused = dict.fromkeys(("id", "time_remaining", "mode", "fault_bitmask"), 0)
     return {**unused, "temperature": INT16_MAX, "voltages": cells, "voltages_ext": (0, 0, 0, 0)}

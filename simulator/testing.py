@@ -1,10 +1,10 @@
-"""A simulated fleet for the tests of any program that speaks MAVLink.
+"""A simulated fleet for the tests of any program that uses MAVLink.
 
     async with fleet(vehicles=20, autopilot="px4", seed=7, radio="sik64") as f:   # in this event loop
-    with fleet(vehicles=3, stepped=True) as f:                                      # in a thread of its own
+    with fleet(vehicles=3, stepped=True) as f:                                      # in its own thread
 
-How its time passes: in an event loop by the loop's time, which jumps in `run_virtual`; in a thread by the computer's
-clock, or with `stepped` only while the test asks for it.
+Time source: in an event loop, the loop's time, which jumps in `run_virtual`; in a thread, the computer's clock, or with
+`stepped` only the test's own calls.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ BEGUN: deque[Fleet] = deque(maxlen=10)
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """What is true of a vehicle at a moment, whatever it says."""
+    """Ground truth of a vehicle at one moment, whatever it reports."""
 
     t_s: float
     """Simulated seconds since the fleet began."""
@@ -63,7 +63,7 @@ class VehicleState:
     armed: bool
     in_air: bool
     mode: str
-    """Mode name: PX4's such as LOITER, MISSION, RETURN; ArduPilot's such as AUTO, GUIDED, RTL."""
+    """Mode name: PX4's, for example LOITER, MISSION, RETURN; ArduPilot's, for example AUTO, GUIDED, RTL."""
     charge_pct: float
     mission: tuple[MissionItem, ...]
     """Mission on board; ArduPilot's begins with home."""
@@ -76,7 +76,7 @@ class FleetVehicle:
     def __init__(self, fleet: Fleet, config: SimVehicle, vehicle: SimulatedVehicle) -> None:
         self.name, self.sysid = config.name, config.sysid
         self.simulated = vehicle
-        """The whole vehicle; use only in the fleet's thread, or while it waits."""
+        """The simulated vehicle itself; use only in the fleet's thread, or while the fleet waits."""
         self._fleet, self._config = fleet, config
         self._recorder = Recorder(config.name, lambda: vehicle.now_s)
         vehicle.tap = self._recorder.note
@@ -84,45 +84,45 @@ class FleetVehicle:
 
     @property
     def connection(self) -> str:
-        """How MAVSDK and faultline call it: ``udpout://127.0.0.1:PORT``."""
+        """Connection string for MAVSDK and faultline: ``udpout://127.0.0.1:PORT``."""
         return f"udpout://127.0.0.1:{self.port}" if self.links[0].target is None else self._config.connections[0]
 
     @property
     def port(self) -> int:
-        """The UDP port at which it listens."""
+        """UDP port on which it listens."""
         return self.links[0].address[1]
 
     @property
     def pymavlink(self) -> str:
-        """How pymavlink and MAVProxy call it: ``udpout:127.0.0.1:PORT``."""
+        """Connection string for pymavlink and MAVProxy: ``udpout:127.0.0.1:PORT``."""
         return self.connection.replace("://", ":")
 
     @property
     def truth(self) -> VehicleState:
-        """What is true of it now."""
+        """Its ground truth now."""
         return self._fleet.run(self._read_state)
 
     @property
     def events(self) -> list[str]:
-        """What really happened to it: ``armed``, ``took_off``, ``failsafe link``, ``landed``, as in `Truth.what`."""
+        """Its true events: ``armed``, ``took_off``, ``failsafe link``, ``landed``, as in `Truth.what`."""
         return [truth.what for truth in tuple(self._fleet.truths) if truth.vehicle == self.name]
 
     def inject(self, fault: str) -> None:
-        """Order a fault of this vehicle, as `Fleet.inject` does: ``silent=20s``, ``battery-step=30``, ``crash@40%``."""
+        """Inject a fault into this vehicle, see `Fleet.inject`: ``silent=20s``, ``battery-step=30``, ``crash@40%``."""
         self._fleet.inject(f"{self.name}:{fault}")
 
     def call(self, port: int, host: str = "127.0.0.1") -> None:
-        """Let it send unasked to a client that listens on a UDP port."""
+        """Make it send unprompted to a client that listens on a UDP port."""
         self._fleet.run(lambda: setattr(self.links[0], "target", (host, port)))
 
     def open_link(self, hear: Callable[[bytes], None]) -> Callable[[bytes], None]:
-        """Join it in memory, without a socket; returns what sends to it.
+        """Connect in memory, without a socket; returns the function that sends to it.
 
         Args:
-            hear: Is given each datagram of the vehicle, by the event loop.
+            hear: Called by the event loop with each datagram of the vehicle.
 
         Raises:
-            FleetError: the fleet lives in another thread.
+            FleetError: the fleet runs in another thread.
         """
         loop, link = self._fleet.require_loop(), self.links[0]
         link.listeners.append(hear)
@@ -134,11 +134,11 @@ class FleetVehicle:
 
     @property
     def transcript(self) -> str:
-        """What it and its clients said to each other; telemetry and HEARTBEATs are left out."""
+        """Dialogue between it and its clients, without telemetry and HEARTBEATs."""
         return self._fleet.run(lambda: format_transcript(self._recorder.said))
 
     def find_violations(self) -> list[Violation]:
-        """Return what clients did wrong towards it up to now."""
+        """Return the clients' protocol violations towards it so far."""
         known = [one.sysid for one in self._fleet.vehicles]
         said, vehicle = self._recorder.said, self.simulated
         return self._fleet.run(lambda: find_violations(said, self.sysid, known, vehicle.now_s))
@@ -155,9 +155,9 @@ class FleetVehicle:
 
 
 class Fleet:
-    """Simulated vehicles for as long as a test needs them: ``with`` in a thread of its own, ``async with`` in its loop.
+    """Simulated vehicles for one test: ``with`` runs them in their own thread, ``async with`` in the test's loop.
 
-    Its numbers are those of the simulation: seconds since it began, at any speed of time.
+    All times are simulated: seconds since the start, at any speed.
     """
 
     def __init__(
@@ -167,12 +167,12 @@ class Fleet:
         stepped: bool = False,
         watch: Callable[[Sequence[SimulatedVehicle]], None] = lambda _: None,
     ) -> None:
-        """Build the vehicles; nothing lives yet.
+        """Build the vehicles without starting them.
 
         Args:
-            config: What to fly.
+            config: The fleet.
             stepped: Whether time passes only in `advance` and `wait_until`.
-            watch: Is shown the vehicles whenever all have lived on.
+            watch: Called with the vehicles after each step of all.
 
         Raises:
             SimulatorError: there is no such radio.
@@ -195,7 +195,7 @@ class Fleet:
         self._waits: list[tuple[Callable[[], bool], float, asyncio.Future[bool]]] = []
 
     def __getitem__(self, key: str | int) -> FleetVehicle:
-        """Return a vehicle by its name, or its place from 0."""
+        """Return a vehicle by name, or by index from 0."""
         return self.vehicles[key] if isinstance(key, int) else {one.name: one for one in self.vehicles}[key]
 
     def __iter__(self) -> Iterator[FleetVehicle]:
@@ -203,21 +203,21 @@ class Fleet:
         return iter(self.vehicles)
 
     def __len__(self) -> int:
-        """Return how many vehicles there are."""
+        """Return the number of vehicles."""
         return len(self.vehicles)
 
     @property
     def connections(self) -> list[str]:
-        """How MAVSDK calls each of them."""
+        """Connection strings of all vehicles for MAVSDK."""
         return [vehicle.connection for vehicle in self.vehicles]
 
     @property
     def now_s(self) -> float:
-        """How far it has lived."""
+        """Simulated time reached."""
         return self.run(lambda: self.vehicles[0].simulated.now_s)
 
     def inject(self, fault: str) -> None:
-        """Order a fault in the grammar of ``faultline simulate --fault``; without ``@WHEN`` it happens now.
+        """Inject a fault in the grammar of ``faultline simulate --fault``; without ``@WHEN`` it happens now.
 
         ``uav2:silent=20s``, ``all:loss=0.2``, ``uav1:crash@40%``.
 
@@ -237,22 +237,22 @@ class Fleet:
 
     @property
     def transcript(self) -> str:
-        """The dialogues of all vehicles, one after the other."""
+        """Dialogues of all vehicles, one after the other."""
         return "\n".join(filter(None, (vehicle.transcript for vehicle in self.vehicles)))
 
     def find_violations(self) -> list[Violation]:
-        """Return what clients did wrong up to now, in the order of time."""
+        """Return the clients' protocol violations so far, in order of time."""
         found = [one for vehicle in self.vehicles for one in vehicle.find_violations()]
         return sorted(found, key=lambda one: one.t_s)
 
     def check_client(self, *, but: Collection[str] = ()) -> None:
-        """Fail if a client did something wrong.
+        """Fail if a client violated the protocol.
 
         Args:
-            but: What does not count, of ``upload``, ``download``, ``heartbeat``, ``address``, ``numbering``.
+            but: Categories to ignore, of ``upload``, ``download``, ``heartbeat``, ``address``, ``numbering``.
 
         Raises:
-            AssertionError: with what it did, and the dialogue with the vehicles concerned.
+            AssertionError: lists the violations, with the dialogue of the vehicles concerned.
         """
         found = [one for one in self.find_violations() if one.about not in but]
         if found:
@@ -263,26 +263,26 @@ class Fleet:
     # Time.
 
     def advance(self, seconds: float, beat: Callable[[], None] = lambda: None) -> None:
-        """Let simulated time pass for a stepped fleet.
+        """Advance simulated time of a stepped fleet.
 
         Args:
-            seconds: How much.
-            beat: Is called before each second, for what a client does by the clock, such as its HEARTBEAT.
+            seconds: Simulated seconds to advance.
+            beat: Called before each second, for a client's periodic work, for example its HEARTBEAT.
         """
         self._live_until(self.now_s + seconds, lambda: False, beat)
 
     def wait_until(
         self, is_so: Callable[[], bool], limit_s: float = 600.0, beat: Callable[[], None] = lambda: None
     ) -> None:
-        """Wait until something is so; a stepped fleet lives until then.
+        """Wait until a condition holds; a stepped fleet runs until then.
 
         Args:
-            is_so: Is asked by the fleet whenever it has lived on: read truths there, and do not wait.
+            is_so: Called by the fleet after each step: read truths there, and do not block.
             limit_s: Simulated seconds.
             beat: As for `advance`.
 
         Raises:
-            TimeoutError: it did not come true.
+            TimeoutError: the condition did not hold in time.
         """
         until_s = self.now_s + limit_s
         if self._stepped:
@@ -295,14 +295,14 @@ class Fleet:
         """Wait as `wait_until` does, in the event loop of the fleet.
 
         Raises:
-            TimeoutError: it did not come true.
+            TimeoutError: the condition did not hold in time.
         """
         self._require(await self._wait(is_so, self.now_s + limit_s), limit_s)
 
-    # How it lives.
+    # Life cycle.
 
     def __enter__(self) -> Self:
-        """Live in a thread.
+        """Start in a thread.
 
         Raises:
             OSError: a port is taken.
@@ -315,7 +315,7 @@ class Fleet:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        """End, and say what went wrong in the fleet."""
+        """Stop, and raise any error of the fleet."""
         self.run(self._stop.set)
         if self._thread is not None:
             self._thread.join()
@@ -323,7 +323,7 @@ class Fleet:
             raise self._failure
 
     async def __aenter__(self) -> Self:
-        """Live in the running loop.
+        """Start in the running loop.
 
         Raises:
             OSError: a port is taken.
@@ -342,13 +342,13 @@ class Fleet:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        """End, and say what went wrong in the fleet."""
+        """Stop, and raise any error of the fleet."""
         self._stop.set()
         if self._flying is not None:
             await self._flying
 
     def run(self, work: Callable[[], T]) -> T:
-        """Do something between two steps of the fleet's life, in its own thread where it has one."""
+        """Run a function between two steps of the fleet, in the fleet's own thread if it has one."""
         thread = self._thread
         if thread is None or thread is threading.current_thread() or not thread.is_alive():
             return work()
@@ -368,7 +368,7 @@ class Fleet:
         return done.result()
 
     def require_loop(self) -> asyncio.AbstractEventLoop:
-        """Return the running loop if the fleet lives in it.
+        """Return the running loop if the fleet runs in it.
 
         Raises:
             FleetError: it does not.
@@ -389,7 +389,7 @@ class Fleet:
                 self._ready.set_exception(failure)
 
     async def _live(self) -> None:
-        """Live until the end of the block."""
+        """Run until the end of the block."""
         self._loop, self._began_unix_s = asyncio.get_running_loop(), time.time()
         try:
             async with open_sockets(self.config, [one.simulated for one in self.vehicles]) as self._links:
@@ -408,7 +408,7 @@ class Fleet:
                 waiting.cancel()
 
     def _look(self, vehicles: Sequence[SimulatedVehicle]) -> None:
-        """Answer those who wait, after all have lived on."""
+        """Resolve waiting conditions after all vehicles have advanced."""
         self._watch(vehicles)
         if not self._ready.done():
             self._ready.set_result(None)
@@ -426,7 +426,7 @@ class Fleet:
         return await waiting
 
     def _live_until(self, until_s: float, is_so: Callable[[], bool], beat: Callable[[], None]) -> bool:
-        """Step, and return whether it came true."""
+        """Step, and return whether the condition held."""
         if not self._stepped:
             raise FleetError(CLOCKED)
         while True:
@@ -451,8 +451,8 @@ class Fleet:
         """Read everything that waits at the sockets."""
         heard = -1
         while heard != (heard := sum(link.heard for link in self._links)):
-            await asyncio.sleep(0)  # the sockets are looked at
-            await asyncio.sleep(0)  # and read
+            await asyncio.sleep(0)  # poll the sockets
+            await asyncio.sleep(0)  # read them
 
     def _date_unix_s(self, at_s: float) -> float:
         return self._began_unix_s + at_s
@@ -475,24 +475,24 @@ def fleet(  # noqa: PLR0913 - what is simulated, and how
     home: tuple[float, float, float] = HOME,
     parameters: Mapping[str, float] | None = None,
 ) -> Fleet:
-    """Return a fleet for a ``with`` or ``async with`` block; its vehicles stand in a row, ready to be armed.
+    """Return a fleet for a ``with`` or ``async with`` block; its vehicles stand in a row, ready to arm.
 
-    Each listens at a UDP port of its own, which the system chooses: `FleetVehicle.connection`.
+    Each listens on its own UDP port, which the system chooses: `FleetVehicle.connection`.
 
     Args:
-        vehicles: How many, named uav1 and so on with the system ids 1 and so on; or vehicles of one's own.
-        autopilot: ``px4`` or ``ardupilot``, or several, which take turns.
-        seed: Of losses, and whatever else is left to chance.
-        radio: The telemetry radio that they share, as for ``faultline simulate --radio``; without one a network.
+        vehicles: Number of vehicles, named uav1 and so on with the system ids 1 and so on; or a list of vehicles.
+        autopilot: ``px4`` or ``ardupilot``, or several, assigned in turn.
+        seed: Seed of losses and all other randomness.
+        radio: Shared telemetry radio, as for ``faultline simulate --radio``; empty for a network.
         faults: As for ``faultline simulate --fault``.
-        speedup: How much faster than the clock time passes.
-        stepped: Whether it passes only in `Fleet.advance` and `Fleet.wait_until`.
-        home: Latitude and longitude of the first pad in degrees, and its height above sea level in metres; the next
-            pads are 20 m further east each.
+        speedup: Simulated seconds per real second.
+        stepped: Whether time passes only in `Fleet.advance` and `Fleet.wait_until`.
+        home: Latitude and longitude of the first pad in degrees, and its height above sea level in metres; each
+            further pad is 20 m to the east of the one before.
         parameters: Autopilot parameters that differ from the defaults.
 
     Raises:
-        SimulatorError: a fault, a radio or a parameter that is not there.
+        SimulatorError: a fault, a radio or a parameter does not exist.
     """
     if isinstance(vehicles, int):
         kinds = [autopilot] if isinstance(autopilot, str) else list(autopilot)

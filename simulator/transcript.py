@@ -1,4 +1,4 @@
-"""The dialogue between vehicles and clients in words, as seen on the client's side of the link."""
+"""The dialogue between vehicles and clients as text, as seen on the client's side of the link."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class Said:
 
     @property
     def target(self) -> int:
-        """Which system it is for; 0 is all."""
+        """Addressed system; 0 is all."""
         return int(getattr(self.message, "target_system", 0))
 
     @property
     def client(self) -> int:
-        """The system on the other side; 0 where a vehicle speaks to all."""
+        """System at the other end; 0 for a vehicle's broadcast."""
         return int(self.message.get_srcSystem()) if self.up else self.target
 
     def __str__(self) -> str:
@@ -60,7 +60,7 @@ class Said:
 
 
 class Recorder:
-    """Writes down what one vehicle and its clients say to each other."""
+    """Record the messages between one vehicle and its clients."""
 
     def __init__(self, vehicle: str, now_s: Callable[[], float]) -> None:
         self._vehicle, self._now_s = vehicle, now_s
@@ -70,8 +70,8 @@ class Recorder:
         self.said: list[Said] = []
 
     def note(self, datagram: bytes, up: bool) -> None:
-        """Take what a client sends, or what has reached it."""
-        # Over a radio frames come in pieces; one whole frame of telemetry need not be read.
+        """Take a datagram that a client sends, or that has reached it."""
+        # Over a radio frames come in pieces; one whole frame of telemetry need not be parsed.
         whole = len(datagram) >= 10 and datagram[0] == 0xFD and measure_frame(datagram) == len(datagram)
         if whole and not up and int.from_bytes(datagram[7:10], "little") not in _KEPT_IDS:
             return
@@ -102,7 +102,7 @@ def name_command(number: int) -> str:
 
 
 def describe_answer(message: MavMessage) -> str | None:
-    """Return what matters of a vehicle's answer; None for other messages."""
+    """Return the relevant part of a vehicle's answer; None for other messages."""
     name = message.get_type()
     match name:
         case "COMMAND_ACK":
@@ -130,21 +130,21 @@ def describe_answer(message: MavMessage) -> str | None:
 
 
 def _describe_file_answer(payload: bytes) -> str:
-    """Return MAVFTP's answer: to what, whether it is an error, what came with it; the end of a burst is marked."""
+    """Return MAVFTP's answer: its request, any error, its data; the end of a burst is marked."""
     operation, size, asked, ends, offset = payload[3], payload[4], payload[5], payload[6], payload[8:12]
     name = f"FILE {_name_entry('MAV_FTP_OPCODE', asked, 'MAV_FTP_OPCODE_')}"
     data = payload[12 : 12 + size]
     if operation == NAK:
         return f"{name} {_name_entry('MAV_FTP_ERR', data[0], 'MAV_FTP_ERR_')}{f' {data[1]}' if size > 1 else ''}"
     if asked == LIST_DIRECTORY:
-        data = b"\0".join(sorted(data.split(b"\0")))  # they come in no order
+        data = b"\0".join(sorted(data.split(b"\0")))  # their order is undefined
     text = data.decode("ascii", "replace").replace("\0", "|") if data.isascii() else data.hex()
     at = f" at {int.from_bytes(offset, 'little')}" if any(offset) else ""
     return f"{name}{at}{f' {text!r}' if data else ''}{', ends' if ends else ''}"
 
 
 def describe_message(message: MavMessage) -> str:
-    """Return a message of either side in a few words.
+    """Return a short description of a message of either side.
 
     >>> describe_message(dialect.MAVLink_mission_item_int_message(1, 1, 3, 6, 16, 0, 1, 0, 0, 0, 0, 0, 0, 0))
     'MISSION_ITEM_INT 3 NAV_WAYPOINT'

@@ -1,4 +1,4 @@
-"""Ground truth of the simulated vehicles, to judge what the ground station believed."""
+"""Ground truth of the simulated vehicles, to check the ground station's view against."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """One thing that happened."""
+    """One event."""
 
     vehicle: str
     what: str
     """``armed``, ``mission_started``, ``took_off``, ``descends`` (a landing begins), ``landed``, ``disarmed``, ``fell``
     (down without harm), ``wreck``, ``crash``, ``on_pad`` (put there); ``mode NAME``; ``failsafe WHY`` when one acts;
-    ``pilot MODE``, ``kill`` and ``station MODE`` when somebody else acts; ``fault SPEC`` when a fault was injected; and
-    with a sender ``order WHAT``, which is all that anybody commands."""
+    ``pilot MODE``, ``kill`` and ``station MODE`` when a pilot or another station acts; ``fault SPEC`` when a fault was
+    injected; and with a sender ``order WHAT``, for every command."""
     t_s: float
     """Simulated seconds since the simulation began."""
     unix_s: float
@@ -33,7 +33,7 @@ class Truth:
 
 
 class TruthWriter:
-    """Appends each truth as one JSON line; the file is whole after every line."""
+    """Append each truth as one JSON line; the file is complete after every line."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("a", encoding="utf-8")
@@ -49,6 +49,6 @@ class TruthWriter:
 
 
 def read_truths(path: Path) -> tuple[Truth, ...]:
-    """Return what a writer wrote; a last line that was cut off by the writer's death is left out."""
+    """Return what a writer wrote; a last line cut off by the writer's death is left out."""
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     return tuple(Truth(**json.loads(line)) for line in lines if line.endswith("\n"))

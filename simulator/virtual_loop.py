@@ -1,7 +1,7 @@
-"""An event loop whose time jumps to the next deadline, so that an hour of flight takes only its computing time.
+"""An event loop whose time jumps to the next deadline, so an hour of flight takes only its computing time.
 
-Nothing but asyncio's public classes is used, and without sockets every flight is the same to the last digit. The time
-of looptime, in which many tests run, counts empty turns and rounds; flights have no need of that.
+It uses only asyncio's public classes, and without sockets every flight is identical to the last digit. The time of
+looptime, in which many tests run, counts empty turns and rounds; flights do not need that.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """Where others would wait, time passes at once; what is ready at the same time keeps its order."""
+    """Skip waiting times; callbacks that are ready at the same time keep their order."""
 
     def __init__(self) -> None:
         """Begin at 0 s."""
@@ -27,12 +27,12 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         return self._now_s
 
     def advance(self, seconds: float) -> None:
-        """Let time pass; a task that calls this keeps all others waiting meanwhile."""
+        """Advance time; all other tasks wait meanwhile."""
         self._now_s += seconds
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Waits for a file only when nothing is due ever; otherwise it looks, and where there is nothing time passes."""
+    """Wait for a file only if no deadline is set; otherwise poll, and advance time if nothing is ready."""
 
     def __init__(self, passes: Callable[[float], None]) -> None:
         super().__init__()
@@ -42,13 +42,13 @@ class _JumpingSelector(selectors.DefaultSelector):
         if timeout is None or timeout <= 0.0:
             ready: list[tuple[selectors.SelectorKey, int]] = super().select(timeout)
             return ready
-        # What somebody in this process has sent to a socket of it is there already.
+        # Data sent to a socket of this process from within it has already arrived.
         if not (ready := super().select(0.0)):
             self._passes(timeout)
         return ready
 
 
 def run_virtual(work: Callable[[], Coroutine[None, None, T]]) -> T:
-    """Do something in virtual time, from 0 s on."""
+    """Run work in virtual time, from 0 s on."""
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(work())

@@ -1,7 +1,7 @@
 """Convert frames to messages and back; the only user of pymavlink in the simulator.
 
-pymavlink is a codec here; its connections are not used. None of its dialects has the mission identities that MAVLink
-gained since (MISSION_CURRENT.mission_id, MISSION_ACK.opaque_id, MISSION_COUNT.opaque_id), so they are appended here.
+pymavlink serves as a codec; its connections are not used. None of its dialects has MAVLink's newer mission identities
+(MISSION_CURRENT.mission_id, MISSION_ACK.opaque_id, MISSION_COUNT.opaque_id), so they are appended here.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _parse_clear(said: Fields) -> messages.MissionClearAll:
 
 
 FILE_HEAD = struct.Struct("<HBBBBBxI")
-"""Of MAVFTP: number, session, opcode, size, opcode of the request, end of a burst, offset; then data."""
+"""MAVFTP header: number, session, opcode, size, opcode of the request, end of a burst, offset; then data."""
 
 
 def _parse_file_request(said: Fields) -> messages.FileRequest:
@@ -111,7 +111,7 @@ READERS: Mapping[str, Callable[[Fields], messages.Body]] = {
 
 
 class Codec:
-    """Packs and unpacks for one vehicle."""
+    """Pack and unpack for one vehicle."""
 
     def __init__(
         self,
@@ -124,9 +124,9 @@ class Codec:
     ) -> None:
         self._sysid = sysid
         self._every_component = every_component
-        """Whether it obeys messages for another component; ArduPilot does if it knows none with that id."""
+        """Whether it accepts messages for another component; ArduPilot does if it knows none with that id."""
         self._others = others
-        """Other components of the vehicle that are addressed."""
+        """Other addressable components of the vehicle."""
         self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=component)
         self._began_ticks, self._ticks_per_s = 0, 0.0
         if signing is not None:
@@ -136,7 +136,7 @@ class Codec:
             self._packer.signing.sign_outgoing = True
 
     def encode(self, message: messages.Outbound, now_s: float = 0.0) -> bytes:
-        """Return a MAVLink 2 frame; `now_s` since the beginning of the simulation dates its signature.
+        """Return a MAVLink 2 frame; `now_s` since the start of the simulation dates its signature.
 
         Raises:
             AttributeError, TypeError, struct.error: MAVLink has no such message, field or value.
@@ -153,11 +153,11 @@ class Codec:
         return frame
 
     def decode(self, datagram: bytes) -> list[messages.Received]:
-        """Return the messages in a datagram that are meant for this vehicle; what is damaged or unknown is left out."""
-        # A parser for each datagram: a cut-off frame must not swallow the beginning of the next one.
+        """Return a datagram's messages for this vehicle; damaged and unknown ones are left out."""
+        # One parser per datagram: a cut-off frame must not swallow the start of the next one.
         parser = dialect.MAVLink(None)
         parser.robust_parsing = True
-        parser.signing = self._packer.signing  # which streams were heard, and when
+        parser.signing = self._packer.signing  # known signing streams, and their times
         received = []
         for message in parser.parse_buffer(datagram) or []:
             reader = READERS.get(message.get_type())

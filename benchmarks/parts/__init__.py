@@ -1,1 +1,1 @@
-"""The parts of `faultline bench solvers`, a module each: `make` measures, `report` writes its page."""
+"""Parts of `faultline bench solvers`, one module each: `make` measures, `report` writes its page."""

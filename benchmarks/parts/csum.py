@@ -59,7 +59,7 @@ def _row(setting: Setting, reference: CsumReference) -> Json:
 
 
 def report(result: Json) -> str:
-    """Return the page's part."""
+    """Return its part of the page."""
     references = {row.radius_m: row for row in CSUM}
     columns = ("D_max m", "segments", "budget s", "search 1 s", "search 10 s", "PyVRP 1 s", "PyVRP 10 s",
                "search 1 s over PyVRP 10 s", "search 10 s over PyVRP 10 s", "GRASP median run", "best run",

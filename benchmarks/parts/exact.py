@@ -1,4 +1,4 @@
-"""The search against the proven optimum on small random instances, and how far the proof goes in a minute."""
+"""The search against the proven optimum on small random instances, and the proof's limit in a minute."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ GROWTH_VEHICLES = 3
 LIMIT_S = 60.0
 ITERATIONS = 20_000
 SAME = 1e-6
-"""Two values that differ by this share are equal."""
+"""Values within this share of each other are equal."""
 
 
 def make(setting: Setting) -> Json:
-    """Compare, then let the instances grow."""
+    """Compare, then increase the instances."""
     warm_up()
     solve_exact(random_line(*SIZES[0], setting.seed), cost=Cost.MINCOMB, stop=Seconds(LIMIT_S))  # loads its kernels
     cases = [(size, cost) for size in SIZES for cost in Cost]
@@ -40,7 +40,7 @@ def make(setting: Setting) -> Json:
 
 
 def random_line(segments: int, vehicles: int, seed: int) -> Instance:
-    """Return segments of up to 300 m in a square of 2 km, with budgets a fifth above what the longest route needs."""
+    """Return segments of up to 300 m in a square of 2 km, with budgets a fifth above the longest route's need."""
     chance = np.random.default_rng(seed)
     first = chance.uniform(-1000, 1000, (segments, 2))
     ends = np.stack([first, first + chance.uniform(-210, 210, (segments, 2))], axis=1)
@@ -81,7 +81,7 @@ def _grown(setting: Setting, segments: int) -> Json:
 
 
 def report(result: Json) -> str:
-    """Return the page's part."""
+    """Return its part of the page."""
     small = [
         (
             row["segments"], row["vehicles"], row["cost"], f"{row['equal']} of {row['instances']}",

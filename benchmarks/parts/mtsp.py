@@ -1,4 +1,4 @@
-"""Min-max multiple TSP: the longest tour against the best that is known."""
+"""Min-max multiple TSP: the longest tour against the best known."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _row(setting: Setting, reference: MtspReference) -> Json:
 
 
 def report(result: Json) -> str:
-    """Return the page's part."""
+    """Return its part of the page."""
     rows = result["rows"]
     gaps = [100 * (row["value"] / row["best_known"] - 1) for row in rows if row["value"] is not None]
     shown = [

@@ -1,10 +1,10 @@
-"""How the parts are called on the command line."""
+"""Names of the parts on the command line."""
 
 from enum import StrEnum
 
 
 class PartName(StrEnum):
-    """What is measured."""
+    """A part of the measurements."""
 
     CSUM = "csum"
     MTSP = "mtsp"

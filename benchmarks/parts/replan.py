@@ -1,4 +1,4 @@
-"""From a loss to a checked re-plan: how long it takes, and whether what is given up is hopeless."""
+"""From a loss to a checked re-plan: the time it takes, and whether abandoned cases are infeasible."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ TITLE = "Re-plans"
 PEER_TITLE = "Given up, asked of PyVRP"
 TIGHTNESS = (0.78, 0.82, 0.86, 0.90)
 LARGE_TIGHTNESS = (0.90, 0.97)
-"""Nineteen vehicles carry the work of twenty more easily than three that of four."""
+"""Tightness; nineteen vehicles replace twenty more easily than three replace four."""
 REAL_RADIUS_M, REAL_VEHICLES = 2000.0, 4
 LARGE_SEGMENTS, LARGE_VEHICLES = 500, 20
 PLAN_S = {"real": 5.0, "large": 20.0}
 EFFORT_S = {"real": 1.0, "large": 2.0}
-"""After which a loss counts as one without a re-plan."""
+"""Time after which a loss counts as one without a re-plan."""
 MOST_LOSSES = 2000
-"""Of one plan; of more, so many evenly spread."""
+"""Maximum losses of one plan; of more, this many at even spacing."""
 SAMPLE = 100
 PEER_S = 10.0
 PEER_SCALE = 1000.0
@@ -53,14 +53,14 @@ PERCENTILES = (50, 90, 99)
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A plan whose losses are looked at."""
+    """A plan whose losses are evaluated."""
 
     name: str
     tightness: float
 
 
 def make(setting: Setting) -> Json:
-    """Measure all plans, then ask PyVRP for some of what was given up."""
+    """Measure all plans, then give PyVRP some of the abandoned cases."""
     warm_up()
     cases = [Case("real", tightness) for tightness in TIGHTNESS] if setting.data is not None else []
     cases += [Case("large", tightness) for tightness in LARGE_TIGHTNESS]
@@ -109,7 +109,7 @@ def _plan(setting: Setting, case: Case) -> tuple[Instance, Plan]:
 
 
 def _losses(instance: Instance, plan: Plan) -> Iterator[tuple[int, float]]:
-    """Yield each vehicle that flies at the begin of each interval between two completions, with that time."""
+    """Yield each flying vehicle at the start of each interval between two completions, with that time."""
     ends = [route_duration_s(instance, route) for route in plan.routes]
     times = {0.0, *ends}
     for route in plan.routes:
@@ -128,7 +128,7 @@ def _distribution(times_s: list[float]) -> Json | None:
 
 
 def _peer(setting: Setting, rows: list[Json]) -> Json:
-    """Give PyVRP a sample of what was given up; a plan of its counts if it holds by our definition."""
+    """Give PyVRP a sample of abandoned cases; its plan counts if it is valid by our definition."""
     given_up = [(row, lost, at_s, sure) for row in rows for lost, at_s, sure in row["given_up"]]
     chance = np.random.default_rng(setting.seed)
     count = min(len(given_up), setting.pieces(SAMPLE, 3))
@@ -145,7 +145,7 @@ def _peer(setting: Setting, rows: list[Json]) -> Json:
 
 
 class _Question:
-    """A loss that PyVRP is asked about: all that another process needs, and nothing else."""
+    """A loss for PyVRP: all that another process needs, and nothing else."""
 
     def __init__(self, setting: Setting, row: Json, lost: int, at_s: float) -> None:
         self.case: str = row["case"]
@@ -161,7 +161,7 @@ class _Question:
         }  # fmt: skip
 
     def answer(self) -> Json:
-        """Ask PyVRP; what it says counts if it holds by our definition."""
+        """Run PyVRP; its answer counts if it is valid by our definition."""
         instance = line_instance(self._ends_m, self._vehicles, PAPER_S, self._budget)
         plan = Plan(tuple(Route(vehicle, tuple(visits)) for vehicle, visits in enumerate(self._routes)))
         left = build_remaining_problem(instance, plan, self.lost, self.at_s)
@@ -171,7 +171,7 @@ class _Question:
 
 
 def _answers(setting: Setting, questions: list[_Question]) -> list[Json]:
-    """Return what is known or asked now, one question on each core: PyVRP uses one."""
+    """Return known or new answers, one question per core: PyVRP uses one."""
     known = {one.key: setting.store.find_result(one.key, one.settings) for one in questions}
     missing = [one for one in questions if known[one.key] is None]
     setting.told(PEER_TITLE, len(questions) - len(missing), len(questions))
@@ -189,7 +189,7 @@ def _answers(setting: Setting, questions: list[_Question]) -> list[Json]:
 
 
 def report(result: Json) -> str:
-    """Return the page's part."""
+    """Return its part of the page."""
     columns = ("segments", "vehicles", "tightness", "losses", "tried", "re-planned",
                *(f"{p} % ms" for p in PERCENTILES),
                "longest ms", "given up", "of these certain", "given up after ms, 50 %", "longest ms")  # fmt: skip

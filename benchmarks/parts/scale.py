@@ -1,4 +1,4 @@
-"""How time and memory grow with the network, each size in a process of its own."""
+"""Growth of time and memory with the network, each size in its own process."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIZES = (100, 300, 1000, 3000, 10_000)
 PER_VEHICLE = 20
 """Segments for each vehicle."""
 LONG_FROM = 10_000
-"""Segments from which a search has longer."""
+"""Segments from which a search gets more time."""
 SHORT_S, LONG_S = 20.0, 60.0
 TIGHTNESS = 0.85
 """MinMax found over the budget of the other two cost functions."""
@@ -35,7 +35,7 @@ KIB_PER_MIB = 1024
 
 
 def make(setting: Setting) -> Json:
-    """Measure all sizes, and all segments of the paper's network where that is there."""
+    """Measure all sizes, and all segments of the paper's network if it is there."""
     cases = [(f"generated-{size}", size // PER_VEHICLE) for size in SIZES[: setting.pieces(len(SIZES), 3)]]
     if setting.data is not None:
         cases.append(("nechranice", REAL_VEHICLES))
@@ -78,7 +78,7 @@ def _run_in_process(order: Json) -> Json:
 
 
 def child(text: str) -> None:
-    """Solve one instance and print what it took; memory is this process's."""
+    """Solve one instance and print its cost; memory is this process's."""
     order = json.loads(text)
     if order["data"] is None:
         ends_m = generate_network(int(order["name"].split("-")[1]), order["seed"])
@@ -109,12 +109,12 @@ def child(text: str) -> None:
 
 
 def _value_at(seen: list[tuple[float, float, bool]], at_s: float) -> float | None:
-    """Return the value of the complete plan that stood at a time."""
+    """Return the value of the complete plan known at a time."""
     return next((value for seconds, value, _ in reversed(seen) if seconds <= at_s), None)
 
 
 def report(result: Json) -> str:
-    """Return the page's part."""
+    """Return its part of the page."""
     rows = [
         (
             row["name"], row["segments"], row["vehicles"], row["cost"], figure(row["build_s"], 2),

@@ -1,4 +1,4 @@
-"""What all parts of the measurements share."""
+"""Settings shared by all parts of the measurements."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from missions import Network
 
 C = TypeVar("C")
 QUICK = 0.1
-"""Of all times, where it is only tried."""
+"""Factor on all times, for a trial run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """Where data and results lie, and how much is done."""
+    """Location of data and results, and the amount of work."""
 
     data: Path | None
     store: Store
     told: Callable[[str, int, int], None]
     seed: int = 1
     quick: bool = False
-    """To try it: a tenth of every time, and fewer pieces."""
+    """Trial run: a tenth of every time, and fewer pieces."""
 
     def make_cases(
         self,
@@ -38,14 +38,14 @@ class Setting:
         make: Callable[[Setting, C], Json],
         **more: object,
     ) -> list[Json]:
-        """Return the results of all cases: those that are there, and those that are made now.
+        """Return the results of all cases: existing ones, and those made now.
 
         Args:
-            title: Of the stage, for who looks on.
-            cases: What is measured.
+            title: Name of the stage, for display.
+            cases: The cases.
             key: Names the result of one.
             make: Measures one.
-            more: What the results depend on beside seed and haste.
+            more: Dependencies of the results besides seed and trial run.
         """
         settings = {"seed": self.seed, "quick": self.quick, **more}
         rows = []
@@ -57,15 +57,15 @@ class Setting:
 
     @property
     def starts(self) -> int:
-        """Searches side by side."""
+        """Parallel searches."""
         return cores()
 
     def seconds(self, full: float) -> float:
-        """Return how long something may take that has ``full`` seconds."""
+        """Return the time of a step that has ``full`` seconds in a full run."""
         return full * QUICK if self.quick else full
 
     def pieces(self, full: int, tried: int) -> int:
-        """Return how many pieces of something are done."""
+        """Return the number of pieces to do."""
         return tried if self.quick else full
 
     def nechranice(self, radius_m: float) -> Network:
@@ -80,7 +80,7 @@ class Setting:
 
     @property
     def directory(self) -> Path:
-        """The data.
+        """Data directory.
 
         Raises:
             BenchError: there is none.

@@ -1,4 +1,4 @@
-"""How long it takes to start: import, first plan with nothing compiled, first plan with everything compiled."""
+"""Start-up time: import, first plan with nothing compiled, first plan with everything compiled."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def make(setting: Setting) -> Json:
 
 
 def _process_s(code: str, cache: str) -> float:
-    """Return how long a new interpreter takes for some code, with a directory for compiled kernels of its own."""
+    """Return the time of a new interpreter for some code, with its own directory for compiled kernels."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": str(ROOT)}
     watch = Stopwatch()
     subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=600)
@@ -52,7 +52,7 @@ def _process_s(code: str, cache: str) -> float:
 
 
 def report(result: Json) -> str:
-    """Return the page's part."""
+    """Return its part of the page."""
     rows = [
         ("Python alone", figure(result["python_s"], 2)),
         ("import planner, less Python alone", figure(result["import_s"] - result["python_s"], 2)),

@@ -1,7 +1,7 @@
-"""What stays the same all day: streets, tasks, depots; and the rest of it as an instance of ``planner.sorties``.
+"""The fixed part of a day: streets, tasks, depots; and the remaining work as an instance of ``planner.sorties``.
 
-A *task* is an edge of the streets, done once, in either direction, by a trip that leads along it. Bases are the depots,
-and after them the other places where vehicles begin their day: from there a first trip begins, none ever lands.
+A *task* is an edge of the streets, done once, in either direction, by a trip that includes it. Bases are the depots,
+followed by the other places where vehicles begin their day: a first trip begins there, none ever lands.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from planner.moves import FloatArray
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 LONG_S = 1e15
-"""No day is over before."""
+"""No day ends before this."""
 TOLERANCE_S = 1e-6
-"""By which a trip may be longer than allowed: sums depend on their order."""
+"""Tolerance on the longest trip: sums depend on their order."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimedTrip:
-    """A trip as it is flown."""
+    """A trip as flown."""
 
     start_s: float
     lasts_s: float
     places: tuple[int, ...]
-    """All the way, from where it begins to where it lands."""
+    """All places, from its begin to its landing."""
 
     @property
     def end_s(self) -> float:
-        """When it lands."""
+        """Landing time."""
         return self.start_s + self.lasts_s
 
 
@@ -44,24 +44,24 @@ Timeline = tuple[TimedTrip, ...]
 
 @dataclass(frozen=True, slots=True)
 class Day:
-    """What stays the same all day."""
+    """The fixed part of a day."""
 
     streets: RoadGraph
     tasks: tuple[tuple[int, int], ...]
-    """The two ends of each."""
+    """Both ends of each task."""
     depots: tuple[int, ...]
     starts: tuple[int, ...]
-    """Where each vehicle begins its day."""
+    """Place where each vehicle begins its day."""
     capacity_s: float
     """The longest trip."""
     turnaround_s: float
-    """From a trip's end to the vehicle's next one: unloading, recharging."""
+    """Time from a trip's end to the vehicle's next one: unloading, recharging."""
 
     def __post_init__(self) -> None:
-        """Check what the sorties would not say.
+        """Check what the sorties do not check.
 
         Raises:
-            InstanceError: what does not fit.
+            InstanceError: names the mismatch.
         """
         places = len(self.streets.times_s)
         for place in (*self.depots, *self.starts, *(end for task in self.tasks for end in task)):
@@ -79,10 +79,10 @@ class Day:
         return (*depots, *sorted(set(self.starts) - set(depots)))
 
     def time_walks(self, walks: Iterable[Sequence[int]], from_s: float = 0.0) -> Timeline:
-        """Return trips along walks, one after the other without a pause besides the turnaround.
+        """Return trips along walks, one after the other, separated by the turnaround only.
 
         Raises:
-            PlanError: a walk leads along no edge.
+            PlanError: a walk uses no edge.
         """
         trips: list[TimedTrip] = []
         start_s = from_s
@@ -95,9 +95,9 @@ class Day:
         return tuple(trips)
 
     def find_hops(self) -> tuple[RoadGraph, FloatArray]:
-        """Return the soonest ways from depot to depot by trips without a task, and (d, d) the first trip from a base.
+        """Return fastest connections of depots by trips without a task, and (d, d) the first trip from a base.
 
-        Each trip has its turnaround; what is longer than the longest trip is infinite.
+        Each trip includes its turnaround; a trip above the limit counts as infinite.
         """
         bases, depots = self.bases, len(set(self.depots))
         direct_s = self.streets.times_s[np.ix_(bases, bases[:depots])]
@@ -107,12 +107,12 @@ class Day:
         return build_road_graph(depots, edges), direct_s
 
     def list_walks(self, tasks: Sequence[int], base: int, sorties: Iterable[Route]) -> Iterator[tuple[int, ...]]:
-        """Yield the places of a vehicle's trips, those without a task included.
+        """Yield the places of a vehicle's trips, including those without a task.
 
         Args:
-            tasks: what the sorties' segments are.
-            base: where the vehicle stands.
-            sorties: what it flies.
+            tasks: task of each segment in the sorties.
+            base: the vehicle's present base.
+            sorties: its sorties.
         """
         hops, direct_s = self.find_hops()
         bases, depots = self.bases, len(set(self.depots))
@@ -133,14 +133,14 @@ class Day:
 
 @dataclass(frozen=True, slots=True)
 class TripStart:
-    """Where a vehicle's next trip begins, and not before when."""
+    """Begin of a vehicle's next trip: place, and earliest time."""
 
     place: int
     ready_s: float = 0.0
 
 
 def build_day_instance(day: Day, tasks: Sequence[int], starts: Sequence[TripStart]) -> SortieInstance:
-    """Return some of a day's tasks for some vehicles; ``transfer_s`` is what trips without a task take.
+    """Return some of a day's tasks for some vehicles; ``transfer_s`` is the time of trips without a task.
 
     A trip uses its seconds of a budget that is the longest trip: whole seconds stay exact.
     """

@@ -1,12 +1,12 @@
-"""What the last end of a small day cannot fall below, proven.
+"""A proven lower bound of the last end of a small day.
 
-A column is a trip: a set of tasks (or none), where it begins, where it lands, and the shortest time for that. The best
-plan is a choice of columns for each vehicle that share the tasks among them and can be flown one after the other: as
-many of a vehicle's trips leave a depot as land there, but for its first and its last one. HiGHS chooses; where a
-vehicle's trips fall apart into rings that its others never touch, that is forbidden and HiGHS chooses again.
+A column is a trip: a set of tasks (or none), its begin, its landing, and the shortest time for them. The best plan
+chooses columns for each vehicle so that all tasks are shared out and the trips can be flown in sequence: as many of a
+vehicle's trips leave a depot as land there, but for its first and its last one. HiGHS chooses; a choice in which a
+vehicle's trips form separate rings is forbidden, and HiGHS chooses again.
 
-No detour is shorter than the way itself, so a task may as well be done twice: only trips are columns to which no
-further task can be added for nothing: 14 to 71 % of all in the gdb scenarios that were counted.
+No detour is shorter than the direct path, so a task may be done twice: only trips to which no further task can be added
+for free are columns: 14 to 71 % of all in the gdb scenarios that were counted.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from planner import InstanceError, Stopwatch
 from planner.sorties import SortieInstance
 
 MOST_COLUMNS = 200_000
-"""Columns of all vehicles up to which an instance is taken."""
+"""Maximum number of columns of all vehicles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +33,13 @@ class _Column:
     """A depot's number; -1 for the vehicle's start."""
     end: int
     tasks: int
-    """As bits."""
+    """Set of tasks as bits."""
     seconds: float
 
 
 @dataclass(slots=True)
 class _Program:
-    """Rows of HiGHS as they are gathered: columns and weights of each, and its limits."""
+    """Rows for HiGHS: columns, weights and limits of each."""
 
     columns: list[_Column]
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
@@ -55,17 +55,17 @@ class _Program:
 
 
 def least_last_end_s(instance: SortieInstance, until_s: Sequence[float] = (), limit_s: float = np.inf) -> float:
-    """Return what no plan's last end can fall below; infinite where no plan does every task.
+    """Return a lower bound of any plan's last end; infinite if no plan does every task.
 
     Without ``limit_s`` there is a plan that ends then.
 
     Args:
         instance: of ``build_day_instance``.
-        until_s: for each vehicle, until when it must have turned round after its last trip; empty for no such time.
-        limit_s: seconds of search; then what is proven so far is returned.
+        until_s: for each vehicle, time by which it must have turned round after its last trip; empty for none.
+        limit_s: seconds of search; then the bound proven so far is returned.
 
     Raises:
-        InstanceError: more than MOST_COLUMNS ways to make a trip.
+        InstanceError: more than MOST_COLUMNS possible trips.
     """
     program = _program(instance, _columns(instance), until_s, limit_s)
     bound = 0.0
@@ -86,7 +86,7 @@ def least_last_end_s(instance: SortieInstance, until_s: Sequence[float] = (), li
 
 
 _Trips = dict[tuple[int, int], float]
-"""Seconds of the shortest trip by its set of tasks, as bits, and the base where it lands, or its last visit."""
+"""Seconds of the shortest trip by its set of tasks, as bits, and its landing base, or its last visit."""
 
 
 def _columns(instance: SortieInstance) -> list[_Column]:
@@ -108,7 +108,7 @@ def _depots(instance: SortieInstance) -> list[int]:
 
 
 def _trips(instance: SortieInstance, base: int) -> _Trips:
-    """Return the shortest trips from a base to which no task can be added for nothing; moves have no task."""
+    """Return the shortest trips from a base to which no task can be added for free; moves have no task."""
     depots, visits = _depots(instance), range(2 * instance.segments)
     most_s = instance.vehicles[0].budget_pct + TOLERANCE_S
     move_s = instance.moves.seconds(0, np.arange(len(visits))[:, np.newaxis], np.arange(len(visits)))
@@ -145,7 +145,8 @@ def _trips(instance: SortieInstance, base: int) -> _Trips:
 def _program(instance: SortieInstance, columns: list[_Column], until_s: Sequence[float], limit_s: float) -> _Program:
     """Return the rows: tasks, depots, ends.
 
-    After the columns come whether each vehicle flies, each vehicle's end, the last end, and where each lands last.
+    After the columns come whether each vehicle flies, each vehicle's end, the last end, and each vehicle's last
+    landing.
     """
     fleet, depots = len(instance.vehicles), _depots(instance)
     flies, ends = len(columns), len(columns) + fleet
@@ -163,7 +164,7 @@ def _program(instance: SortieInstance, columns: list[_Column], until_s: Sequence
         for place, depot in enumerate(depots):
             row = {number: float((columns[number].begin == depot) - (columns[number].end == depot)) for number in mine}
             program.add({**row, lands + vehicle * len(depots) + place: 1.0}, 0.0, 0.0)
-        # Whatever it does takes its time and a pause, but for the pause after the last trip.
+        # All work takes its time and a pause, except after the last trip.
         row = {number: columns[number].seconds + turnaround_s for number in mine}
         if until_s:
             program.add(row, -np.inf, max(0.0, until_s[vehicle] - own.ready_s))
@@ -173,7 +174,7 @@ def _program(instance: SortieInstance, columns: list[_Column], until_s: Sequence
 
 
 def _rings(columns: Sequence[_Column], found: Sequence[float]) -> Iterable[tuple[int, set[int], list[int]]]:
-    """Yield vehicles with depots and trips that their first trip never leads to."""
+    """Yield vehicles with depots and trips that are unreachable from their first trip."""
     taken = [number for number in range(len(columns)) if found and found[number] > 0.5]
     for vehicle in {columns[number].vehicle for number in taken}:
         mine = [number for number in taken if columns[number].vehicle == vehicle]
@@ -186,11 +187,11 @@ def _rings(columns: Sequence[_Column], found: Sequence[float]) -> Iterable[tuple
 
 
 def _run(instance: SortieInstance, program: _Program) -> tuple[list[float], float]:
-    """Return what HiGHS chooses, nothing where it does not, and what no choice falls below."""
+    """Return the choice of HiGHS, empty without one, and the lower bound of all choices."""
     import highspy
 
     fleet, depots, columns = len(instance.vehicles), len(_depots(instance)), len(program.columns)
-    # A way without a task may be flown as often as there are tasks.
+    # A trip without a task may be flown as often as there are tasks.
     most = [1.0 if one.tasks else float(instance.segments) for one in program.columns]
     most += [1.0] * fleet + [np.inf] * (fleet + 1) + [1.0] * (fleet * depots)
     last = columns + 2 * fleet

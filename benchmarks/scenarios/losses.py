@@ -1,7 +1,7 @@
-"""A day in which vehicles are lost one after another, each loss re-planned from what is known at its time.
+"""A day with successive vehicle losses, each re-planned from the information at its time.
 
-A trip that has begun is flown to its end. What a vehicle did counts once it has landed and its turnaround is over: a
-lost one loses what was still on board. Survivors are given new trips after the one under way.
+A trip that has begun is flown to its end. A vehicle's work counts once it has landed and its turnaround is over: a lost
+vehicle loses what was still on board. Survivors get new trips after the current one.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from planner import Plan, PlanError, Route, Stopwatch
 from planner.sorties import SortieInstance
 
 SAME_TIME_S = 1e-6
-"""Times nearer to each other than this are the same."""
+"""Times closer to each other than this are equal."""
 
 
 @dataclass(frozen=True, slots=True)
 class DayLeft:
-    """What is left of a day after a loss."""
+    """Remainder of a day after a loss."""
 
     kept: tuple[Timeline, ...]
-    """Trips that count, or are under way, of each vehicle."""
+    """Trips of each vehicle that count, or are under way."""
     survivors: tuple[int, ...]
-    """Whom the instance's vehicles are."""
+    """Vehicles of the instance."""
     open: tuple[int, ...]
-    """Which of the day's tasks the instance's tasks are."""
+    """The day's tasks that are the instance's tasks."""
     instance: SortieInstance | None
-    """None where nobody survives, or nothing is left to do."""
+    """None without survivors or open tasks."""
     tails: tuple[Route, ...]
-    """What the survivors were to fly next, of the tasks that are open."""
+    """Next planned trips of the survivors, with open tasks only."""
 
 
 def build_day_left(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_s: float) -> DayLeft:
-    """Return what is left when the last of ``lost`` is lost at ``at_s``, the others before.
+    """Return the remainder when the last of ``lost`` is lost at ``at_s``, the others before.
 
     Raises:
-        PlanError: a vehicle that there is not.
+        PlanError: an unknown vehicle.
     """
     if len(timelines) != len(day.starts) or not all(0 <= vehicle < len(day.starts) for vehicle in lost):
         raise PlanError(f"expected timelines and losses of {len(day.starts)} vehicles")
@@ -66,14 +66,14 @@ def _build_day_left(
 def build_day_left_with_foresight(
     day: Day, timelines: Sequence[Timeline], losses: Sequence[tuple[int, float]]
 ) -> tuple[DayLeft, tuple[float, ...]]:
-    """Return what is left at the first loss for somebody who knows all the others, and until when each may fly.
+    """Return the remainder at the first loss with all others known, and until when each vehicle may fly.
 
-    Nothing that keeps to what is known at each loss can end earlier than the best plan for that.
+    No strategy that knows each loss only at its time can end earlier than the best plan for this.
 
     Args:
-        day: what stays the same.
+        day: the fixed part of the day.
         timelines: the plan for the whole day.
-        losses: vehicle and time of each, in the order of their times.
+        losses: vehicle and time of each, in order of time.
     """
     at_s, lost_s = losses[0][1], dict(losses)
     begun = tuple(_select_begun_trips(timeline, at_s) for timeline in timelines)
@@ -81,7 +81,7 @@ def build_day_left_with_foresight(
         _brought_home(timeline, lost_s[vehicle], day.turnaround_s) if vehicle in lost_s else timeline
         for vehicle, timeline in enumerate(begun)
     )
-    # Whoever loses what it has on board now brings nothing home later.
+    # A vehicle that loses its load now returns nothing later.
     flying = tuple(vehicle for vehicle in range(len(begun)) if kept[vehicle] == begun[vehicle])
     left = _build_day_left(day, timelines, kept, flying, at_s)
     return left, tuple(lost_s.get(vehicle, inf) for vehicle in flying)
@@ -95,7 +95,7 @@ def open_tasks(day: Day, timelines: Sequence[Timeline]) -> tuple[int, ...]:
 
 
 def day_after(day: Day, left: DayLeft, plan: Plan) -> tuple[Timeline, ...]:
-    """Return everybody's trips, those of a plan for what was left included."""
+    """Return all vehicles' trips, including those of a plan for the remainder."""
     timelines = list(left.kept)
     if left.instance is not None:
         for number, (vehicle, own) in enumerate(zip(left.survivors, left.instance.vehicles, strict=True)):
@@ -111,14 +111,14 @@ def replan_losses(
     solve: Callable[[SortieInstance, tuple[Route, ...]], Plan],
     took: Callable[[float], None] = lambda _: None,
 ) -> tuple[tuple[Timeline, ...], ...]:
-    """Return the timelines after each loss, in the order of their times.
+    """Return the timelines after each loss, in order of time.
 
     Args:
-        day: what stays the same.
+        day: the fixed part of the day.
         timelines: the plan for the whole day.
-        losses: vehicle and time of each; nobody knows one before its time.
-        solve: makes the plan for what is left, from what was to be flown next.
-        took: told the seconds from each loss to everybody's new trips.
+        losses: vehicle and time of each; each is unknown before its time.
+        solve: makes the plan for the remainder, from the next planned trips.
+        took: receives the seconds from each loss to the new trips of all vehicles.
     """
     history: list[tuple[Timeline, ...]] = []
     now, lost = tuple(timelines), [vehicle for vehicle, _ in losses]
@@ -153,7 +153,7 @@ def _find_trip_start(day: Day, timeline: Timeline, vehicle: int, at_s: float) ->
 def _tails(
     day: Day, timelines: Sequence[Timeline], kept: Sequence[Timeline], survivors: Sequence[int], waiting: Sequence[int]
 ) -> tuple[Route, ...]:
-    """Return the waiting tasks on the survivors' trips to come, in order, each where it comes first."""
+    """Return the waiting tasks on the survivors' future trips, in order, each at its first occurrence."""
     open_visits = {
         step: 2 * number + turned for number, task in enumerate(waiting)
         for turned, step in enumerate((day.tasks[task], day.tasks[task][::-1]))

@@ -1,4 +1,4 @@
-"""A graph of ways: the times between all its places, and the shortest ways themselves."""
+"""A road graph: travel times between all places, and the shortest paths."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from planner.moves import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class RoadGraph:
-    """All shortest ways of a graph whose edges lead both ways."""
+    """All shortest paths of a graph with undirected edges."""
 
     along_s: FloatArray
-    """(m, m) float64: of the edge between two places, infinite where there is none."""
+    """(m, m) float64: time of the edge between two places, infinite without one."""
     times_s: FloatArray
-    """(m, m) float64: of the shortest way, infinite where none leads."""
+    """(m, m) float64: time of the shortest path, infinite without one."""
     onward: npt.NDArray[np.int64]
-    """(m, m): the place after i on the shortest way from i to j; -1 where there is none."""
+    """(m, m): the place after i on the shortest path from i to j; -1 without one."""
 
     def find_way(self, begin: int, end: int) -> tuple[int, ...]:
-        """Return the places of a shortest way, both ends included.
+        """Return the places of a shortest path, both ends included.
 
         Raises:
-            InstanceError: no way leads there.
+            InstanceError: there is no path.
         """
         if not np.isfinite(self.times_s[begin, end]):
             raise InstanceError(f"no way leads from place {begin} to place {end}")
@@ -38,14 +38,14 @@ class RoadGraph:
 
 
 def build_road_graph(places: int, edges: Iterable[tuple[int, int, float]]) -> RoadGraph:
-    """Return the shortest ways between ``places`` places (Floyd, Warshall 1962).
+    """Return the shortest paths between ``places`` places (Floyd, Warshall 1962).
 
     Args:
-        places: how many; edges name them from 0.
+        places: their number; edges name them from 0.
         edges: two places and the seconds between them; of parallel ones the shortest counts.
 
     Raises:
-        InstanceError: an edge names an unknown place, or leads to where it began, or takes less than no time.
+        InstanceError: an edge names an unknown place, is a loop, or has a negative time.
     """
     times = np.full((places, places), np.inf)
     onward = np.full((places, places), -1, dtype=np.int64)

@@ -1,1 +1,1 @@
-"""The paper's table again: re-plan windows by radius, tightness and cost function, and plans chosen for theirs."""
+"""The paper's table reproduced: re-plan windows by radius, tightness and cost function, and plans chosen for theirs."""

@@ -1,4 +1,4 @@
-"""The cells of a table, and what is read off them."""
+"""Cells of a table, and figures derived from them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from benchmarks.store import Json
 from planner import Cost
 
 NEAR_S = 1e-6
-"""Two times that differ by less are the same."""
+"""Times that differ by less are equal."""
 LEAVES = 0.15
-"""A bound leaves something to gain where t* can be lowered by this share of it."""
+"""Share by which t* could be lowered for a bound to leave a possible gain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +23,11 @@ class PlanFigures:
     earliest_s: float
     """t*."""
     certified_earliest_s: float
-    """No window of this plan begins earlier."""
+    """Lower bound of the begin of this plan's window."""
     longest_s: float
     longest_pct: float
     feasible: bool
-    """Whether everything is inspected within the budgets; the window of any other plan is empty."""
+    """Whether everything is inspected within the budgets; any other plan's window is empty."""
 
     @classmethod
     def from_content(cls, content: Json) -> PlanFigures:
@@ -37,7 +37,7 @@ class PlanFigures:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """The plans of one solver by one cost function, one for each seed."""
+    """Plans of one solver with one cost function, one per seed."""
 
     solver: str
     cost: str
@@ -45,22 +45,22 @@ class Series:
 
     @property
     def best(self) -> PlanFigures:
-        """The plan with the largest window, the earliest one of those alike."""
+        """Plan with the largest window; the earliest one of equals."""
         return max(self.plans, key=lambda plan: (plan.window_pct, -plan.earliest_s))
 
     @property
     def best_earliest_s(self) -> float:
-        """The least t*, whichever plan's."""
+        """Least t* of all plans."""
         return min(plan.earliest_s for plan in self.plans)
 
     @property
     def mean_window_pct(self) -> float:
-        """Over all seeds."""
+        """Mean over all seeds."""
         return fmean(plan.window_pct for plan in self.plans)
 
     @property
     def mean_earliest_s(self) -> float:
-        """Over all seeds."""
+        """Mean over all seeds."""
         return fmean(plan.earliest_s for plan in self.plans)
 
 
@@ -69,7 +69,7 @@ class Stretched:
     """A plan chosen for its window."""
 
     stretch: float
-    """How much longer its longest route may be than that of the best MinMax plan."""
+    """Longest route's length relative to that of the best MinMax plan, minus 1."""
     plan: PlanFigures
 
 
@@ -81,35 +81,35 @@ class Against:
     mincomb: PlanFigures
     """Best by its window, over all seeds."""
     chosen: Stretched
-    """At the stretch that the MinComb plan takes."""
+    """At the MinComb plan's stretch."""
     least_earliest_s: float
-    """No window of any plan begins earlier."""
+    """Lower bound of the begin of any plan's window."""
 
     @property
     def earlier(self) -> bool:
-        """Whether the plan chosen for its window may lose a vehicle earlier than the MinComb plan."""
+        """Whether the plan chosen for its window tolerates an earlier loss than the MinComb plan."""
         return self.chosen.plan.earliest_s < self.mincomb.earliest_s - NEAR_S
 
     @property
     def gains(self) -> bool:
-        """Whether its window is also the larger share of its longest route, which may be shorter."""
+        """Whether its window is also a larger share of its longest route, which may be shorter."""
         return self.earlier and self.chosen.plan.window_pct > self.mincomb.window_pct
 
     @property
     def reduction(self) -> float:
-        """How much earlier its t* is, as a share of the MinComb plan's."""
+        """Reduction of t*, as a share of the MinComb plan's."""
         theirs = self.mincomb.earliest_s
         return 0.0 if theirs <= NEAR_S else 1.0 - self.chosen.plan.earliest_s / theirs
 
     @property
     def most_reduction(self) -> float:
-        """What the bound leaves of such a reduction."""
+        """Maximum reduction that the bound permits."""
         theirs = self.mincomb.earliest_s
         return 0.0 if theirs <= NEAR_S else max(0.0, 1.0 - self.least_earliest_s / theirs)
 
     @property
     def settled(self) -> bool:
-        """Whether the MinComb plan is as good as the bound allows: nothing is left to gain."""
+        """Whether the MinComb plan reaches the bound: no gain is possible."""
         return self.mincomb.earliest_s <= self.least_earliest_s + NEAR_S
 
 
@@ -129,7 +129,7 @@ class Cell:
     against: tuple[Against, ...]
     """For each solver, its best MinComb plan against one chosen for its window."""
     least_earliest_s: float
-    """No window of any plan begins earlier."""
+    """Lower bound of the begin of any plan's window."""
 
     def versus(self, solver: str) -> Against:
         """Return the comparison with a solver's MinComb plans."""
@@ -138,20 +138,20 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The comparisons with one solver's MinComb plans in a few figures."""
+    """Summary of the comparisons with one solver's MinComb plans."""
 
     solver: str
     cells: int
     earlier: int
     """Cells where the plan chosen for its window has an earlier t* than the best MinComb plan at the same stretch."""
     gains: int
-    """Cells where its window is also the larger share of its longest route."""
+    """Cells where its window is also a larger share of its longest route."""
     settled: int
-    """Cells where nothing is left to gain."""
+    """Cells where no gain is possible."""
     open: int
     """Cells where the bound leaves at least LEAVES."""
     mean_reduction: float | None
-    """Of t*, over those; None if there are none."""
+    """Mean reduction of t* over those; None if there are none."""
 
 
 def summary_of(cells: Sequence[Cell], solver: str) -> Summary:

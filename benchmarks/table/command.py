@@ -15,7 +15,7 @@ from benchmarks.table.settings import SOLVERS, TableSettings
 
 
 def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) -> tuple[Summary, ...]:
-    """Make a table and write table.md, table.json and table.png; return what it shows against each solver.
+    """Make a table and write table.md, table.json and table.png; return its summary against each solver.
 
     Raises:
         BenchError: the directory cannot be written.
@@ -34,7 +34,7 @@ def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) ->
     }
     write_result(out / "table.json", content)
     write_text(out / "table.md", report(cells, settings, about, "table.png"))
-    # Only here: it takes a second to load.
+    # Imported here: loading takes a second.
     from benchmarks.table.picture import draw_table
 
     draw_table(cells, out / "table.png")

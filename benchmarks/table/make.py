@@ -1,4 +1,4 @@
-"""Makes a table: stage by stage, the pieces of a stage on all cores, each kept as soon as it is there."""
+"""Make a table: stage by stage, the pieces of a stage on all cores, each stored as soon as it exists."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from planner import Cost, warm_up
 
 Results = dict[TableTask, Json]
 Told = Callable[[str, int, int], None]
-"""Called with the stage, and how many of its pieces are done of how many."""
+"""Called with the stage, its finished pieces, and their total."""
 
 
 @dataclass(frozen=True, slots=True)
 class Maker:
-    """Does the tasks of a table that have not been done."""
+    """Run a table's unfinished tasks."""
 
     table: TableSettings
     store: Store
@@ -30,7 +30,7 @@ class Maker:
     told: Told
 
     def make_all(self, stage: str, tasks: Sequence[TableTask]) -> Results:
-        """Return the results of all tasks: those that are there, and those that are made now."""
+        """Return the results of all tasks: existing ones, and those made now."""
         found = {task: self.store.find_result(task.key, task.settings(self.table)) for task in tasks}
         results = {task: result for task, result in found.items() if result is not None}
         self.told(stage, len(results), len(tasks))
@@ -82,13 +82,13 @@ def make(maker: Maker) -> tuple[Cell, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """A cell before anything is in it."""
+    """A cell without results."""
 
     radius_m: float
     tightness: float
     budget_pct: float
     best_routes: Routes
-    """Of the best MinMax plan that any solver found."""
+    """Routes of the best MinMax plan of any solver."""
     best_s: float
 
     def task(self, kind: TaskKind) -> TableTask:
@@ -144,7 +144,7 @@ def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
 
 
 def _best_stretch(frame: _Frame, series: Sequence[Series], solver: PlanSolver) -> float:
-    """Return the stretch that a solver's best MinComb plan takes; one that is shorter than MinMax takes none."""
+    """Return the stretch of a solver's best MinComb plan; one shorter than MinMax has none."""
     longest_s = best_mincomb(series, solver.value).longest_s
     return max(0.0, longest_s / frame.best_s - 1.0)
 
@@ -153,7 +153,7 @@ def _cell(
     frame: _Frame, table: TableSettings, series: tuple[Series, ...], chosen: Results, least_earliest_s: float
 ) -> Cell:
     def at(stretch: float) -> Stretched:
-        # What was found for a shorter longest route is a plan for a longer one too.
+        # A plan for a shorter longest route is valid for a longer one too.
         fitting = (
             PlanFigures.from_content(result)
             for task, result in chosen.items()

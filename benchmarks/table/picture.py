@@ -16,11 +16,11 @@ from executor.analysis.pictures.style import COLOURS, FAINT, INK, MARKERS, PAPER
 HEIGHT_IN = 3.9
 CHOSEN = "chosen for the window"
 SHOWN_STRETCHES = {0.05: (0, (1, 1.2)), 0.20: (0, (5, 1.5))}
-"""With the style of their lines."""
+"""Stretches shown, with their line styles."""
 
 
 def draw_table(cells: Sequence[Cell], path: Path) -> None:
-    """Draw the best window of each cost function, both solvers' plans taken together, and the plans chosen for it."""
+    """Draw the best window of each cost function over both solvers' plans, and the plans chosen for it."""
     radii = list(dict.fromkeys(cell.radius_m for cell in cells))
     figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), facecolor=PAPER, layout="constrained")
     panels = figure.subplots(1, len(radii), sharey=True, squeeze=False)[0]

@@ -1,4 +1,4 @@
-"""What the table is made of: cells, seeds, and how long each solver may take."""
+"""Settings of a table: cells, seeds, and time of each solver."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class TableSettings:
     seeds: int = 10
     """Plans for each solver and cost function, of which the best and the mean are shown."""
     seconds: float = 2.0
-    """For each plan."""
+    """Time for each plan."""
     window_seconds: float = 30.0
-    """For each plan that is chosen for its window."""
+    """Time for each plan chosen for its window."""
     iterations: int | None = None
-    """Instead of all seconds: the same table on every machine."""
+    """Iterations that replace all times: the same table on every machine."""
 
     def stop(self) -> StopRule:
         """Return when a plan's search ends."""

@@ -1,4 +1,4 @@
-"""The pieces of work of a table: each alone makes one plan and its figures, in a process of its own."""
+"""Work units of a table: each makes one plan and its figures, in its own process."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ Routes = tuple[tuple[int, ...], ...]
 
 
 class TaskKind(StrEnum):
-    """What is done."""
+    """Kind of work."""
 
     PLAN = "plan"
     """A plan by a cost function, and its window if there is a budget."""
     WINDOW = "window"
-    """The window of a plan that is there."""
+    """Window of an existing plan."""
     ROBUST = "robust"
     """A plan chosen for its window."""
     BOUND = "bound"
-    """The earliest time that no window of any plan begins before."""
+    """Lower bound of the begin of any plan's window."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableTask:
-    """One piece of work."""
+    """One work unit."""
 
     kind: TaskKind
     radius_m: float
@@ -56,22 +56,22 @@ class TableTask:
     cost: Cost | None = None
     seed: int = 0
     stretch: float | None = None
-    """How much longer the longest route may be than that of the best MinMax plan."""
+    """Allowed extra length of the longest route, relative to that of the best MinMax plan."""
     routes: Routes = ()
-    """The plan whose window is asked for, or one to begin with."""
+    """The plan to evaluate, or an initial one."""
     longest_s: float = 0.0
-    """Of the best MinMax plan."""
+    """Longest route of the best MinMax plan."""
 
     @property
     def key(self) -> str:
-        """Names it among all of a table."""
+        """Unique name within a table."""
         parts: list[object] = [self.kind.value, f"{self.radius_m:g}"]
         parts += [] if self.tightness is None else [f"{self.tightness:g}"]
         parts += [part.value for part in (self.solver, self.cost) if part is not None]
         return "-".join(map(str, [*parts, self.seed if self.stretch is None else f"{self.stretch:.4f}"]))
 
     def settings(self, table: TableSettings) -> Mapping[str, object]:
-        """Return all that the result depends on."""
+        """Return all settings on which the result depends."""
         content: dict[str, object] = {
             "network": table.network.name if table.network is not None else "own",
             "budget_pct": self.budget_pct,
@@ -87,7 +87,7 @@ class TableTask:
 
 
 def do(task: TableTask, table: TableSettings) -> Json:
-    """Do a piece of work; its figures are recomputed from the definition for every plan."""
+    """Run a work unit; its figures are recomputed from the definition for every plan."""
     instance = _instance(table.network, task.radius_m)
     if task.budget_pct is not None:
         instance = with_budget(instance, task.budget_pct)

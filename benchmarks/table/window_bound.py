@@ -1,4 +1,4 @@
-"""The earliest time that no plan's re-plan window begins before."""
+"""Lower bound of the begin of any plan's re-plan window."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from planner.evaluate import BUDGET_TOLERANCE_PCT
 
 
 def earliest_window_bound_s(instance: Instance) -> float:
-    """Return a time before which no plan's re-plan window begins, by the definition of ``replan_window``.
+    """Return a lower bound of the begin of any plan's re-plan window, by the definition of ``replan_window``.
 
-    If a vehicle is lost at t, what it has done is one open path of at most t, and the others cover the rest within
-    their budgets, some in two flights. So t is at least what such paths and flights need beyond those budgets,
-    divided by the most that the lost vehicle uses in a second. Some vehicle flies when a window begins: the bound is
-    the least over all vehicles.
+    If a vehicle is lost at t, its completed work is one open path of at most t, and the others cover the rest within
+    their budgets, some in two flights. So t is at least what such paths and flights need beyond those budgets, divided
+    by the lost vehicle's maximum consumption per second. Some vehicle flies when a window begins: the bound is the
+    least over all vehicles.
 
     Raises:
         PlanError: there is one vehicle only.
@@ -36,7 +36,7 @@ def earliest_window_bound_s(instance: Instance) -> float:
 
 
 def _earliest_loss_bound_s(instance: Instance, lost: int) -> float:
-    """Return the earliest time at which the loss of one vehicle can be repaired, whatever the plan."""
+    """Return the earliest time at which the loss of one vehicle can be repaired, with any plan."""
     fleet = len(instance.vehicles)
     consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
     again = consumption * instance.depot_pct

@@ -1,1 +1,1 @@
-"""What flights in virtual time are made of: vehicles and a ground station in one process, and a clock that jumps."""
+"""Parts of flights in virtual time: vehicles and a ground station in one process, and a clock that jumps."""

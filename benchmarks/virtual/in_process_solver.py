@@ -1,4 +1,4 @@
-"""The solver of a flight in virtual time: in this process, and with an end that no clock decides."""
+"""The solver of a flight in virtual time: in this process, with an end that is independent of clocks."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from executor.core.interface.events import SolveEnded
 from missions import Pricing
 
 NO_LIMIT_S = 3600.0
-"""Of real time: what ends a search is that it finds nothing better."""
+"""Real-time limit; a search ends when it finds no improvement."""
 
 
 class InProcessSolver:
-    """`ports.Solver`: the same problem always has the same answer, after the same time."""
+    """`ports.Solver`: the same problem always gets the same answer, after the same time."""
 
     def __init__(self, seed: int, *, takes_s: float, settled: int = SETTLED) -> None:
         """Solve with a seed.
 
         Args:
-            seed: Of the search.
-            takes_s: What a re-plan takes of the flight's time.
-            settled: Iterations without an improvement after which a re-plan is good enough.
+            seed: Seed of the search.
+            takes_s: Flight time that a re-plan takes.
+            settled: Iterations without an improvement after which a re-plan ends.
         """
         self.asked: list[Solve] = []
-        """The problems, in the order in which they came."""
+        """The problems, in order of arrival."""
         self._setup = SolverSetup(NO_LIMIT_S, seed)
         self._takes_s = takes_s
         self._settled = settled
         self._cancelled = -1
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
-        """Take the time, then answer; or say that it was cancelled meanwhile."""
+        """Wait, then answer; or report that it was cancelled meanwhile."""
         self.asked.append(problem)
         await asyncio.sleep(self._takes_s)
         if self._cancelled >= problem.revision:
@@ -44,5 +44,5 @@ class InProcessSolver:
         return solve_for_survivors(self._setup, problem, pricing, lambda: False, settled=self._settled)
 
     def cancel(self, revision: int) -> None:
-        """Let this and older problems have no answer."""
+        """Cancel this and older problems."""
         self._cancelled = max(self._cancelled, revision)

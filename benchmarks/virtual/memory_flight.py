@@ -1,4 +1,4 @@
-"""What all flights in virtual time have in common: a fleet in memory, a ground station, and a record of both."""
+"""Common code of all flights in virtual time: a fleet in memory, a ground station, and a record of both."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ class NullEventSink:
     """`ports.EventSink` that keeps nothing."""
 
     def write(self, event: Event, now_s: float) -> None:
-        """Pass an event over."""
+        """Discard an event."""
 
     async def settle(self) -> None:
-        """Nothing is ever lost here."""
+        """Do nothing: no event is pending."""
 
 
 class MemoryFlight:
-    """A ground station and its fleet in one process, by the running loop's time; subclasses add what happens."""
+    """A ground station and its fleet in one process, by the running loop's time; subclasses add the events."""
 
     step_s = STEP_S
-    """Of the vehicles' lives between two looks at what they say."""
+    """Simulation time between two reads of the vehicles' output."""
 
     def __init__(self, radios: Mapping[str, MemoryRadio], solver: Solver, sink: EventSink) -> None:
         """Prepare; the time begins with `live`.
 
         Args:
-            radios: Of every vehicle, by its name.
-            solver: What re-plans.
+            radios: Link of every vehicle, by name.
+            solver: Solver for re-plans.
             sink: Where events are written.
         """
         self.radios, self.solver, self.sink = radios, solver, sink
@@ -47,7 +47,7 @@ class MemoryFlight:
         self.flight: Flight | None = None
         """None before it begins, and while the ground station is away."""
         self.truths: list[Truth] = []
-        """What really happened; times are seconds of the flight's clock."""
+        """True events; times are seconds of the flight's clock."""
         self.said: list[tuple[float, Say]] = []
         """The lines for the crew, by the flight's clock."""
         self._heartbeats: asyncio.Task[None] | None = None
@@ -59,7 +59,7 @@ class MemoryFlight:
 
     @asynccontextmanager
     async def live(self) -> AsyncIterator[None]:
-        """Let the vehicles live, and the ground station be heard, inside the block; what fails in them is raised."""
+        """Run the vehicles and the ground station's reception inside the block; their errors are raised."""
         living = asyncio.create_task(run_radios(self.radios.values(), self._after_step, every_s=self.step_s))
         self._start_heartbeats()
         try:
@@ -78,21 +78,21 @@ class MemoryFlight:
             self._heartbeats.cancel()
 
     def _after_step(self, now_s: float) -> None:  # noqa: ARG002 - subclasses go by it
-        """Note what really happened in a step of the vehicles' lives."""
+        """Record true events of a step."""
         for radio in self.radios.values():
             self.truths += radio.drain_truths()
 
     def _begin_flight(
         self, context: Context, state: FleetState, applied: Callable[[Event, FleetState, float], None] = lambda *_: None
     ) -> Flight:
-        """Return the flight loop over the links as they are now."""
+        """Return the flight loop over the present links."""
         observer = Observer(lambda line, at_s: self.said.append((at_s, line)), applied)
         self.flight = Flight(context, state, self.links, self.clock, self.sink, self.solver, observer)
         return self.flight
 
 
 async def run_until(flight: Flight, until_s: float, reopened: Reopened | None = None, patience_s: float = 0.0) -> bool:
-    """Supervise to the end, or leave the flight at a time of the running loop; returns whether it came to its end."""
+    """Supervise to the end, or stop at a time of the running loop; returns whether it ended regularly."""
     flying = asyncio.create_task(flight.run(reopened, patience_s))
     try:
         async with asyncio.timeout_at(until_s):

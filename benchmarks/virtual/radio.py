@@ -1,4 +1,4 @@
-"""The way between a simulated vehicle and the ground station, in memory: datagrams as they are, and no socket."""
+"""In-memory link between a simulated vehicle and the ground station: real datagrams, no socket."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
 
 UNREAD = ("LOCAL_POSITION_NED", "VFR_HUD", "SYSTEM_TIME", "TIMESYNC")
-"""Streams that nobody reads here: a tenth of all work is spared without them."""
+"""Unused streams: without them a tenth of all work is saved."""
 
 
 class MemoryRadio:
-    """One vehicle and its link; the vehicle lives as it is told the time."""
+    """One vehicle and its link; the vehicle advances when the time is set."""
 
     def __init__(self, vehicle: SimulatedVehicle, sysid: int) -> None:
         """Connect them."""
@@ -27,14 +27,14 @@ class MemoryRadio:
         self.connect()
 
     def connect(self) -> None:
-        """Begin anew on the ground's side, as a new process does."""
+        """Start again on the ground side, as a new process does."""
         codec = MavlinkCodec()
         link = VehicleLink(self.sysid, codec)
         self.join(link, Router([link], codec), self.write)
         self._waiting: list[bytes] = []
 
     def join(self, link: VehicleLink, router: Router, write: Write) -> None:
-        """Be reached with `write`, and bring what comes down to a router."""
+        """Send to the vehicle with `write`, and pass what it sends to a router."""
         self.link, self._router, self._write_up = link, router, write
         link.write = write
 
@@ -44,12 +44,12 @@ class MemoryRadio:
         return self.link
 
     def write(self, frame: bytes) -> bool:
-        """Send a frame up; it is there with the next step."""
+        """Send a frame up; it arrives with the next step."""
         self._waiting.append(frame)
         return True
 
     def exchange_until(self, now_s: float) -> None:
-        """Live until now, both ways."""
+        """Run until now, in both directions."""
         waiting, self._waiting = self._waiting, []
         for frame in waiting:
             self.vehicle.receive(frame)
@@ -58,25 +58,25 @@ class MemoryRadio:
             self.receive(datagram)
 
     def receive(self, datagram: bytes) -> None:
-        """Take what has come down."""
+        """Handle a datagram from the vehicle."""
         self._router.route_frames(self._router.codec.decode(datagram), self._write_up)
 
     def drain_truths(self) -> list[Truth]:
-        """Take away what really happened, dated by the flight's clock."""
+        """Remove and return true events, dated by the flight's clock."""
         return self.vehicle.drain_truths(lambda at_s: at_s)
 
     def stop_unread_streams(self) -> None:
-        """Stop the streams that nobody reads."""
+        """Stop the unused streams."""
         for name in UNREAD:
             for streams in self.vehicle.autopilot.schedules:
                 streams.set_interval(name, -1.0, 0.0)
 
 
 class JoinedRadio(MemoryRadio):
-    """One vehicle and its links, which are one to the ground station; only the first may be shared with others."""
+    """One vehicle with several links that appear as one to the ground station; only the first may be shared."""
 
     def join(self, link: VehicleLink, router: Router, write: Write) -> None:
-        """Be reached with `write` over the first link, and over the others as ever."""
+        """Send with `write` on the first link, and on the others as usual."""
         super().join(link, router, write)
         self._others: list[tuple[Router, Write]] = []
         self._sent: list[tuple[int, bytes]] = []
@@ -100,7 +100,7 @@ class JoinedRadio(MemoryRadio):
         return True
 
     def exchange_until(self, now_s: float) -> None:
-        """Live until now, both ways."""
+        """Run until now, in both directions."""
         sent, self._sent = self._sent, []
         for number, frame in sent:
             self.vehicle.receive(frame, number)
@@ -111,12 +111,12 @@ class JoinedRadio(MemoryRadio):
 
 
 def share_port(radios: Sequence[MemoryRadio], codec: MavlinkCodec | None = None, tap: Tap = leave_frame) -> None:
-    """Let vehicles behind one radio be behind one port of the ground station, as a telemetry radio is.
+    """Put vehicles behind one radio on one port of the ground station, like a telemetry radio.
 
     Args:
-        radios: Of the vehicles.
-        codec: Of the ground station, if it is not the usual one.
-        tap: Is shown what comes, as by a `Router`.
+        radios: Links of the vehicles.
+        codec: Codec of the ground station, if not the usual one.
+        tap: Receives incoming frames, as in a `Router`.
     """
     codec = codec or MavlinkCodec()
     links = [VehicleLink(one.sysid, codec) for one in radios]
@@ -126,10 +126,10 @@ def share_port(radios: Sequence[MemoryRadio], codec: MavlinkCodec | None = None,
 
 
 async def run_radios(radios: Iterable[MemoryRadio], then: Callable[[float], None], *, every_s: float = STEP_S) -> None:
-    """Let everybody live by the loop's time, for ever.
+    """Run all vehicles by the loop's time, indefinitely.
 
     Args:
-        radios: Everybody.
+        radios: All vehicles.
         then: Called with the time after every step.
         every_s: Length of a step: a datagram takes up to this each way.
     """
@@ -140,5 +140,5 @@ async def run_radios(radios: Iterable[MemoryRadio], then: Callable[[float], None
         for radio in radios:
             radio.exchange_until(step * every_s)
         then(step * every_s)
-        step = max(step, round(loop.time() / every_s))  # the ground station may have kept everybody waiting
+        step = max(step, round(loop.time() / every_s))  # the ground station may have blocked all
         await asyncio.sleep(max(0.0, (step + 1) * every_s - loop.time()))

@@ -1,5 +1,5 @@
-"""What a log says by itself, to hold declarations against.
+"""A log's own statements, to check declarations against.
 
-Read with pymavlink and pyulog alone, by none of the readers, folds and watchpoints that are judged: a mistake of theirs
-is not shared here.
+Read with pymavlink and pyulog alone, without the readers, folds and watchpoints under test, so their mistakes are not
+shared here.
 """

@@ -1,4 +1,4 @@
-"""ArduPilot's own log (DataFlash: .BIN, or .log as text) as pymavlink reads it."""
+"""ArduPilot's own log (DataFlash: .BIN, or .log as text) read with pymavlink."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ SUBSYSTEMS = {
     5: "rc", 6: "battery", 7: "gps", 8: "ground station", 9: "fence", 12: "crash", 15: "parachute", 16: "ekf",
     17: "ekf", 23: "terrain", 25: "motor", 29: "vibration", 31: "dead reckoning",
 }  # fmt: skip
-"""LogErrorSubsystem; code 0 says that it is over."""
+"""LogErrorSubsystem; code 0 means that the error has ended."""
 CRASHES = frozenset({1, 2})
 OTHER = re.compile(r"^(Ardu|APM:)? ?(Plane|Rover|Sub|Tracker|Blimp)\b", re.IGNORECASE)
-"""Firmware of other vehicles, as it names itself."""
+"""Names of firmware for other vehicle types."""
 BANDS = (1231, 1361, 1491, 1621, 1750)
 MOST_BROKEN = 1000
 FIXED, REBOOT_USEC = 3, 5 * SECOND
@@ -71,7 +71,7 @@ class _State:
 
 
 def read_onboard(path: Path) -> dict[int, LogEvidence]:
-    """Return what ArduPilot's own log says; nothing if it is none."""
+    """Return the evidence in ArduPilot's own log; empty for another file."""
     told, state, log = LogEvidence(1, on_board=True), _State(), _open_log(path)
     if log is None:
         return {}
@@ -82,25 +82,25 @@ def read_onboard(path: Path) -> dict[int, LogEvidence]:
         try:
             _TELLS[message.get_type()](told, state, t_usec, message)
         except (AttributeError, KeyError, ValueError, TypeError):
-            continue  # a format of another age
+            continue  # format of another version
     if any(OTHER.search(one.words) for one in told.texts):
-        return {}  # no copter: its numbers mean something else
+        return {}  # not a copter: its numbers have other meanings
     number = int(told.settings.get("SYSID_THISMAV", told.settings.get("MAV_SYSID", 1)) or 1)
     told.system = number
     return {number: told} if told.ended_usec else {}
 
 
 def _attach_times(messages: Iterator[Any], *, by_satellites: bool) -> Iterator[tuple[int, Any]]:
-    """Yield messages with their times: old firmware wrote events and modes without, as old as what is before.
+    """Yield messages with their times: old firmware wrote events and modes without, so they get the previous time.
 
-    That of 2013 wrote no time of its own at all: then the satellites' is the log's, from the first fix on.
+    Firmware of 2013 wrote no time of its own: then the satellites' is the log's, from the first fix on.
     """
     waiting: list[Any] = []
     last = shift = 0
     for message in messages:
         t_usec = _satellites_usec(message, last) if by_satellites else stamp_of(message)
         if t_usec is not None and t_usec + shift < last - REBOOT_USEC:
-            shift = last - t_usec  # it was switched on anew, and its time goes on
+            shift = last - t_usec  # rebooted: continue its time
         t_usec = None if t_usec is None else t_usec + shift
         if t_usec is None and not last:
             waiting.append(message)
@@ -112,7 +112,7 @@ def _attach_times(messages: Iterator[Any], *, by_satellites: bool) -> Iterator[t
 
 
 def _satellites_usec(message: Any, last: int) -> int | None:  # noqa: ANN401 - pymavlink is untyped
-    """Return the satellites' time of a fix: without one it is nothing, or any."""
+    """Return the satellites' time of a fix: without one it is missing or arbitrary."""
     t_msec = getattr(message, "TimeMS", getattr(message, "Time", 0))
     fixed = message.get_type() == "GPS" and int(message.Status) >= FIXED and t_msec * 1000 >= last
     return int(t_msec) * 1000 if fixed else None
@@ -152,7 +152,7 @@ def _read_all(log: Any) -> Iterator[Any]:  # noqa: ANN401 - pymavlink is untyped
 
 @contextmanager
 def silence_c_stderr() -> Iterator[None]:
-    """Have C's standard error, on which pymavlink tells of each byte it passes over, go nowhere."""
+    """Redirect C's standard error, on which pymavlink reports each skipped byte, to nowhere."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
@@ -166,7 +166,7 @@ def silence_c_stderr() -> Iterator[None]:
 
 
 def stamp_of(message: Any) -> int | None:  # noqa: ANN401 - pymavlink is untyped
-    """Return when it was written, since the vehicle's start: old firmware counted milliseconds.
+    """Return the time of writing, since the vehicle's start: old firmware counted milliseconds.
 
     TimeMS of its GPS records is that of the satellites; the vehicle's is T.
     """

@@ -1,8 +1,7 @@
-"""How fast a vehicle really sank, by several instruments that do not depend on each other.
+"""A vehicle's true sink rate, from several independent instruments.
 
-One of them alone may be wrong: an estimate that is deceived says that it stands while it falls, a barometer takes a
-wind for a height, and CTUN.CRt is centimetres in one firmware and metres in another. Two that agree, or the middle of
-three, are believed.
+Each one alone may be wrong: a deceived estimate reports standing during a fall, a barometer reads wind as height, and
+CTUN.CRt is centimetres in one firmware and metres in another. Two that agree, or the median of three, are trusted.
 """
 
 from __future__ import annotations
@@ -16,21 +15,21 @@ INSTRUMENTS = (
     ("GPS.Alt", "GPS_RAW_INT", "vehicle_gps_position"),
     ("POS.Alt", "CTUN.Alt", "GLOBAL_POSITION_INT", "VFR_HUD", "vehicle_local_position"),
 )
-"""Barometer, satellites, filter; of each the first that a log has, for the others say the same."""
+"""Barometer, satellites, filter; of each the first that a log has, as the others are equivalent."""
 SPAN_S, LONGEST_S = 1.0, 4.0
-"""Heights that are nearer to each other say nothing of a speed, those farther apart nothing of a moment."""
+"""Heights closer in time than this give no speed, and farther apart none for one moment."""
 BY_HAND = {True: frozenset({0, 1, 11, 13, 14, 18, 26}), False: frozenset({0, 10, 15})}
-"""Modes of ArduPilot (stabilize, acro, drift, sport, flip, throw, autorotate) and of PX4 in its own log (manual, acro,
-stabilized) in which nothing limits how fast it sinks."""
+"""Modes without a sink rate limit of ArduPilot (stabilize, acro, drift, sport, flip, throw, autorotate) and of PX4 in
+its own log (manual, acro, stabilized)."""
 PX4_MAIN_BY_HAND = frozenset({1, 5, 7, 8})
-"""The same of PX4 in a HEARTBEAT: manual, acro, stabilized, rattitude."""
+"""The same for PX4 in a HEARTBEAT: manual, acro, stabilized, rattitude."""
 DESCENTS_CM_S = ("WPNAV_SPEED_DN", "PILOT_SPEED_DN", "PILOT_VELZ_MAX", "PILOT_SPEED_UP", "LAND_SPEED_HIGH")
 DESCENTS_M_S = ("MPC_Z_VEL_MAX_DN", "MPC_Z_V_AUTO_DN", "WP_SPD_DN", "PILOT_SPD_DN")
 USUAL_DESCENT_M_S, TIMES, LEAST_M_S = 2.5, 1.5, 4.0
 
 
 def sank_m_s(told: LogEvidence, from_usec: int, to_usec: int) -> tuple[float, str]:
-    """Return how fast it sank at its fastest in a time, and by what; 0 where no instrument says it."""
+    """Return the maximum sink rate in an interval, and its instruments; 0 without an instrument."""
     found = []
     for names in INSTRUMENTS:
         name = next((one for one in names if len(told.heights.get(one, ())) > 1), None)
@@ -56,7 +55,7 @@ def _steepest_m_s(rows: Sequence[tuple[int, float]]) -> float:
 
 
 def never_ordered_m_s(told: LogEvidence, at_usec: int) -> float | None:
-    """Return from which speed on no sinking is one that was asked for; None in modes in which nothing limits it."""
+    """Return the sink rate above which none is commanded; None in modes without a limit."""
     mode = next((one.mode for one in reversed(told.modes) if one.t_usec <= at_usec), None)
     if mode is None or _is_by_hand(told, mode):
         return None

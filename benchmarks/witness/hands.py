@@ -1,4 +1,4 @@
-"""Who changed a mode, by what the log says around it."""
+"""The source of a mode change, from the log around it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ENDED = re.compile(r"mission complete|mission finished|mission: \d+ (rtl|land)",
 
 
 def hand_of(told: LogEvidence, change: ModeSet) -> tuple[Controller, str]:
-    """Return who changed a mode, and the line of the log that says so."""
+    """Return the source of a mode change, and the line of the log that shows it."""
     if change.by is not None:
         return change.by, change.words
     moved = select_near(told.switches, change.t_usec, BEFORE_S, AFTER_S)

@@ -1,4 +1,4 @@
-"""What a log says of one vehicle, as it stands there; times are microseconds on the log's own clock."""
+"""A log's evidence on one vehicle, unprocessed; times are microseconds on the log's own clock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SECOND = 1_000_000
 
 
 class Controller(Enum):
-    """Who changed a mode, by what the log says beside the change."""
+    """Source of a mode change, from the log around it."""
 
     PILOT = "its pilot"
     STATION = "a ground station"
@@ -24,7 +24,7 @@ class Controller(Enum):
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """One thing in a log that speaks for or against a declaration."""
+    """A log entry for or against a declaration."""
 
     t_usec: int
     words: str
@@ -34,7 +34,7 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class TransmitterMove:
-    """A switch of the pilot's transmitter was moved."""
+    """Movement of a switch on the pilot's transmitter."""
 
     t_usec: int
     words: str
@@ -53,7 +53,7 @@ class FailsafeEntry:
 
 @dataclass(frozen=True, slots=True)
 class ModeSet:
-    """A change of mode, and the reason where the log has it."""
+    """A change of mode, with its reason if logged."""
 
     t_usec: int
     mode: int
@@ -63,20 +63,20 @@ class ModeSet:
 
 @dataclass(frozen=True, slots=True)
 class MotionSample:
-    """Where it was and how it moved."""
+    """Position and motion."""
 
     t_usec: int
     lat_deg: float
     lon_deg: float
     height_m: float | None
-    """Above its home."""
+    """Height above its home."""
     speed_m_s: float
     climb_m_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class PowerReport:
-    """What its battery monitor said."""
+    """Report of its battery monitor."""
 
     t_usec: int
     volts: float | None
@@ -87,57 +87,57 @@ class PowerReport:
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """A time in which nothing came of the vehicle."""
+    """Interval without messages of the vehicle."""
 
     from_usec: int
     to_usec: int
     others: bool | None
-    """Whether something came of others meanwhile; None if the log holds nobody else."""
+    """Whether other senders were heard meanwhile; None if the log has none."""
 
     @property
     def lasted_s(self) -> float:
-        """How long."""
+        """Duration."""
         return (self.to_usec - self.from_usec) / 1e6
 
 
 @dataclass(slots=True)
 class LogEvidence:
-    """Everything that a log says of one vehicle."""
+    """All of a log's evidence on one vehicle."""
 
     system: int
     on_board: bool = False
-    """Written by the vehicle: nothing of it is about its link."""
+    """Written by the vehicle: contains nothing about its link."""
     ardupilot: bool = True
     began_usec: int = 0
     ended_usec: int = 0
     armed: list[tuple[int, bool]] = field(default_factory=list)
-    """Changes."""
+    """Changes of the armed state."""
     modes: list[ModeSet] = field(default_factory=list)
     statuses: list[tuple[int, int]] = field(default_factory=list)
     """Changes of HEARTBEAT.system_status."""
     texts: list[LogLine] = field(default_factory=list)
     orders: list[LogLine] = field(default_factory=list)
-    """Accepted by the vehicle, or sent to it."""
+    """Commands accepted by the vehicle, or sent to it."""
     switches: list[TransmitterMove] = field(default_factory=list)
-    """Of the pilot's transmitter."""
+    """Switches of the pilot's transmitter."""
     failings: list[FailsafeEntry] = field(default_factory=list)
     tilts: list[tuple[int, float]] = field(default_factory=list)
-    """Degrees from upright."""
+    """Tilt in degrees from upright."""
     moments: list[MotionSample] = field(default_factory=list)
     heights: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
-    """By the instrument: metres above anything that stays."""
+    """Heights by instrument: metres above any fixed reference."""
     powers: list[PowerReport] = field(default_factory=list)
     items: list[tuple[int, int]] = field(default_factory=list)
-    """Changes of the mission's item."""
+    """Changes of the current mission item."""
     silences: list[Silence] = field(default_factory=list)
     streams: dict[str, list[int]] = field(default_factory=dict)
-    """When messages of a kind came."""
+    """Arrival times of messages, by kind."""
     settings: dict[str, float] = field(default_factory=dict)
     frames: dict[int, list[int]] = field(default_factory=dict)
     """Frames received and missing, by minute of the log."""
 
     def note_height(self, instrument: str, t_usec: int, height_m: float) -> None:
-        """Add what an instrument says."""
+        """Add an instrument's height."""
         rows = self.heights.setdefault(instrument, [])
         if math.isfinite(height_m) and (not rows or t_usec > rows[-1][0]):
             rows.append((t_usec, height_m))
@@ -148,16 +148,16 @@ class LogEvidence:
         return known is not None and known[1]
 
     def find_arming_usec(self, at_usec: int) -> int | None:
-        """Return when the arming began that a moment lies in."""
+        """Return the arming time of the flight that contains a moment."""
         known = find_last_before(self.armed, at_usec)
         return known[0] if known is not None and known[1] else None
 
     def find_disarm_usec(self, at_usec: int) -> int:
-        """Return when it was disarmed next, or the log's end."""
+        """Return the next disarming, or the log's end."""
         return next((t_usec for t_usec, armed in self.armed if t_usec > at_usec and not armed), self.ended_usec)
 
     def find_motion(self, at_usec: int, *, within_s: float = 4.0) -> MotionSample | None:
-        """Return where it was then, if that was said not long before."""
+        """Return its position then, if reported shortly before."""
         index = bisect_right(self.moments, at_usec, key=_time_of) - 1
         if index < 0 or at_usec - self.moments[index].t_usec > within_s * SECOND:
             return None
@@ -173,12 +173,12 @@ def _first_of(pair: tuple[int, Any]) -> int:
 
 
 def select_between(rows: Sequence[Any], from_usec: int, to_usec: int) -> Sequence[Any]:
-    """Return what lies in a time, of rows with `t_usec` in the order of it."""
+    """Return the rows in an interval, of rows sorted by `t_usec`."""
     return rows[bisect_left(rows, from_usec, key=_time_of) : bisect_right(rows, to_usec, key=_time_of)]
 
 
 def select_pairs_between(rows: Sequence[tuple[int, Any]], from_usec: int, to_usec: int) -> Sequence[tuple[int, Any]]:
-    """Return what lies in a time, of pairs that begin with it."""
+    """Return the pairs in an interval, of pairs that begin with the time."""
     return rows[bisect_left(rows, from_usec, key=_first_of) : bisect_right(rows, to_usec, key=_first_of)]
 
 
@@ -189,11 +189,11 @@ def find_last_before(rows: Sequence[tuple[int, Any]], at_usec: int) -> tuple[int
 
 
 def note_change(rows: list[tuple[int, Any]], t_usec: int, value: Any) -> None:  # noqa: ANN401 - of any kind
-    """Add what holds from now on, unless it held before."""
+    """Add a value from now on, unless it is unchanged."""
     if not rows or rows[-1][1] != value:
         rows.append((t_usec, value))
 
 
 def select_near(rows: Sequence[Any], at_usec: int, before_s: float, after_s: float) -> Sequence[Any]:
-    """Return what lies around a moment."""
+    """Return the rows around a moment."""
     return select_between(rows, at_usec - round(before_s * SECOND), at_usec + round(after_s * SECOND))

@@ -1,4 +1,4 @@
-"""What a pack did after it was declared at fault: its voltage by cell, its counter, and its autopilot's own words."""
+"""A pack's behaviour after it was declared faulty: its cell voltage, its counter, and its autopilot's own texts."""
 
 from __future__ import annotations
 
@@ -25,54 +25,54 @@ V = TypeVar("V")
 Say = Callable[[str], V]
 
 SAID_BEFORE_S, SAID_AFTER_S = 120.0, 300.0
-"""The autopilot's own failsafe so long after a declaration shows that the declaration was right, and early."""
+"""Interval about a declaration in which the autopilot's own failsafe shows that it was right, and early."""
 FULL_CELL_V = 4.3
 EMPTY_V, LOW_V, SOUND_V = 3.3, 3.45, 3.6
-"""A cell under load: at its end, low, and with much left."""
+"""A cell under load: empty, low, and well charged."""
 STEP_V = 0.12
-"""So much a cell lost at once, under the same load, is a step."""
+"""Sudden loss of a cell's voltage, at equal load, that counts as a step."""
 BACK_V = 0.03
-"""A pack that has so nearly its old voltage again lost nothing: the load was heavy for a moment."""
+"""A pack within this of its old voltage lost nothing: the load was briefly high."""
 STAYS_S, OUTLASTS_S = 30.0, 900.0
-"""How much longer it flies: too short to say anything, and longer than any pack that was at its end."""
+"""Remaining flight time: too short to be evidence, and longer than any empty pack lasts."""
 GROUND_M = 1.5
 IDLE_A = 3.0
 MORE, AS_BEFORE = 1.4, 1.2
 REST_A = 1.5
 RESTED_S, RESTS_S = 20.0, 120.0
-"""After the motors stood still: when a voltage has come back, and for how long it is read."""
+"""Time after motor stop until the voltage has recovered, and for which it is read."""
 FELL_V = 0.05
-"""Of a cell at rest: less is said by the temperature, and by how long it rested."""
+"""Drop of a resting cell; smaller ones may come from temperature or resting time."""
 OFF_PCT = 15.0
-"""So much more is reported than any cell holds at its voltage: ions that lag behind explain a third of it."""
+"""Excess of the reported over the resting cell's charge; lagging ions explain a third of it."""
 LEFT_PCT = (0.0, 10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0)
 RESTING_V = (
     (3.3, 3.69, 3.73, 3.77, 3.80, 3.87, 4.02, 4.20),
     (2.8, 3.27, 3.43, 3.53, 3.61, 3.78, 3.95, 4.18),
 )
-"""A cell at rest with so much left: lithium polymer, and lithium ion of nickel, manganese and cobalt."""
+"""Resting cell voltage by charge: lithium polymer, and lithium ion of nickel, manganese and cobalt."""
 LOAD_SHARE = 0.25
 MOVES = 0.004
-"""Share of its voltage that any pack loses under a load of so many amperes."""
+"""Share of its voltage that any pack loses per ampere of load."""
 LOADED_A = 5.0
 COUNTED_DOWN_PCT, EMPTY_PCT, MUCH_PCT = 3.0, 2.0, 15.0
-"""A percentage that fell so far, and what it says at the landing."""
+"""Fall of a percentage, and its values at the landing."""
 TRIED_V = 10.0
 
 
 def cells_of(told: LogEvidence) -> int | None:
-    """Return the number of cells: a full LiPo cell has 4.2 V, an empty one 3.3; None where both numbers fit."""
+    """Return the number of cells: a full LiPo cell has 4.2 V, an empty one 3.3; None if ambiguous."""
     volts = [one.volts for one in told.powers if one.volts]
     if not volts:
         return None
-    # What it had before the load, not a spike: the 95th percentile.
+    # Voltage before the load, not a spike: the 95th percentile.
     top = sorted(volts)[int(0.95 * (len(volts) - 1))]
     fewest = max(1, math.ceil(top / FULL_CELL_V))
     return fewest if top >= TRIED_V / 2 else None
 
 
 def pack_verdict(declared: Declaration, told: LogEvidence, confirmed: Say[V], refuted: Say[V], undecided: Say[V]) -> V:
-    """Hold a declaration about the battery against the log."""
+    """Check a battery declaration against the log."""
     at = declared.t_usec
     own = _own_words(told, at)
     if own:
@@ -93,7 +93,7 @@ def pack_verdict(declared: Declaration, told: LogEvidence, confirmed: Say[V], re
 def _judgements(
     declared: Declaration, told: LogEvidence, since: int, confirmed: Say[V], refuted: Say[V]
 ) -> Iterator[V | None]:  # fmt: skip
-    """Yield what each kind of evidence says, the best one first."""
+    """Yield the verdict of each kind of evidence, the best one first."""
     at = declared.t_usec
     if declared.reason == "pack":
         yield _judge_by_rest(told, since, at, confirmed, refuted)
@@ -109,7 +109,7 @@ _TEXT = re.compile(r"failsafe|critical")
 
 
 def _own_words(told: LogEvidence, at: int) -> str:
-    """Return what the autopilot said of its battery in the same flight."""
+    """Return the autopilot's own battery texts in the same flight."""
     until = told.find_disarm_usec(at) + 5 * SECOND
     low, high = at - round(SAID_BEFORE_S * SECOND), min(at + round(SAID_AFTER_S * SECOND), until)
     for one in find_statements(told, math.inf):
@@ -131,7 +131,7 @@ def _on_ground(told: LogEvidence, since: int, at: int) -> bool:
 
 
 def _has_load_response(told: LogEvidence) -> bool:
-    """Return whether the voltage moves with the load: a simulator's battery may say the same whatever is drawn."""
+    """Return whether the voltage responds to the load: a simulator's battery may be constant."""
     volts = [one.volts for one in told.powers if one.volts]
     drawn = [one.amperes for one in told.powers if one.amperes is not None]
     loaded = bool(drawn) and max(drawn) - min(drawn) > LOADED_A
@@ -139,7 +139,7 @@ def _has_load_response(told: LogEvidence) -> bool:
 
 
 def _judge_by_percent(told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
-    """Hold a landing below the reserve against what was reported at it, where the percentage counted down to it."""
+    """Check a landing below the reserve against its reported percentage, if that counted down to it."""
     end = told.find_disarm_usec(at)
     reported = [one.percent for one in select_between(told.powers, at, end) if one.percent is not None]
     if not reported or end == told.ended_usec or reported[0] - reported[-1] < COUNTED_DOWN_PCT:
@@ -176,7 +176,7 @@ def _judge_by_voltage(
 
 
 def _judge_by_rest(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
-    """Hold a percentage against the voltages at rest before the flight and after it, in both chemistries."""
+    """Check a percentage against the resting voltages before and after the flight, in both chemistries."""
     cells, end = cells_of(told), told.find_disarm_usec(at)
     before = _find_rest(told, since - round(RESTS_S * SECOND), since)
     after = _find_rest(told, end + round(RESTED_S * SECOND), end + round(RESTS_S * SECOND))
@@ -196,7 +196,7 @@ def _judge_by_rest(told: LogEvidence, since: int, at: int, confirmed: Say[V], re
 
 
 def _find_rest(told: LogEvidence, from_usec: int, to_usec: int) -> tuple[float, float] | None:
-    """Return the median voltage and percentage of a time in which it stood with its motors off."""
+    """Return the median voltage and percentage of an interval on the ground with motors off."""
     rows: Sequence[PowerReport] = [
         one for one in select_between(told.powers, from_usec, to_usec)
         if one.volts and one.percent is not None and (one.amperes or 0.0) <= REST_A and not told.is_armed(one.t_usec)
@@ -223,7 +223,7 @@ def _judge_voltage_step(told: LogEvidence, at: int, cells: int, confirmed: Say[V
 
 
 def _load(told: LogEvidence, from_usec: int, to_usec: int) -> PowerReport | None:
-    """Return the median voltage and current of a time."""
+    """Return the median voltage and current of an interval."""
     rows: Sequence[PowerReport] = select_between(told.powers, from_usec, to_usec)
     volts = [one.volts for one in rows if one.volts]
     drawn = [one.amperes for one in rows if one.amperes is not None]
@@ -233,7 +233,7 @@ def _load(told: LogEvidence, from_usec: int, to_usec: int) -> PowerReport | None
 
 
 def _judge_by_counter(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
-    """Hold a drain against the current that was measured: before it, and in the half minute up to it."""
+    """Check a drain against the measured current: before it, and in the half minute up to it."""
     flying = since + 10 * SECOND
     usual = [
         one.amperes

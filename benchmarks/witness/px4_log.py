@@ -1,4 +1,4 @@
-"""PX4's own log (ULog) as pyulog reads it."""
+"""PX4's own log (ULog) read with pyulog."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ ARMED = 2
 FIXED = 3
 MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 193, 252, 300, 400})
 WARNINGS = {2: "critical", 3: "emergency", 4: "failed"}
-"""battery_status.warning, from which on PX4 itself may act."""
+"""battery_status.warning values from which on PX4 itself may act."""
 EVERY = 4
 METRES_A_DEGREE = 111_320.0
 Row = Mapping[str, Any]
 
 
 def read_px4(path: Path) -> dict[int, LogEvidence]:
-    """Return what PX4's own log says; nothing if it is none."""
+    """Return the evidence in PX4's own log; empty for another file."""
     with silence_c_stderr():
         try:
             log = ULog(str(path), TOPICS)
@@ -63,7 +63,7 @@ def read_px4(path: Path) -> dict[int, LogEvidence]:
         try:
             read(told, list(_read_rows(dataset)))
         except (KeyError, ValueError, TypeError):
-            continue  # a topic of another age
+            continue  # topic of another version
     told.orders.sort(key=lambda one: one.t_usec)
     told.switches.sort(key=lambda one: one.t_usec)
     return {told.system: told}
@@ -111,7 +111,7 @@ def _record_local_position(told: LogEvidence, rows: list[Row]) -> None:
         if not all(math.isfinite(float(row[name])) for name in ("x", "y", "z", "vx", "vy", "vz")):
             continue
         told.note_height("vehicle_local_position", t_usec, -float(row["z"]))
-        # Degrees from where the estimator began: only differences are looked at.
+        # Degrees from the estimator's origin: only differences are used.
         told.moments.append(
             MotionSample(t_usec, north / METRES_A_DEGREE, east / METRES_A_DEGREE, -float(row["z"]),
                    math.hypot(float(row["vx"]), float(row["vy"])), -float(row["vz"]))

@@ -1,4 +1,4 @@
-"""Whether what a log states was declared: with its kind, and not too late."""
+"""Whether a log's statements were declared: with the right kind, and in time."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from benchmarks.witness.statements import RIGHT, Statement, StatementKind
 from executor.core.state.vehicle_state import FaultKind
 
 LATE_S = 2.0
-"""So long after the autopilot's own text, or after the time-out, a declaration still counts."""
+"""Time after the autopilot's own text, or after the time-out, in which a declaration still counts."""
 TOO_LATE_S = 60.0
 LEAD_S = {StatementKind.CRASH: 30.0, StatementKind.BATTERY: 900.0, StatementKind.SILENCE: 0.0}
-"""So long before it a declaration of the right kind counts as one of the same thing."""
+"""Time before it in which a declaration of the right kind counts for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """How something that a log states was declared."""
+    """How a log's statement was declared."""
 
     outcome: str
     """declared, late or missed."""
     after_s: float | None
-    """After the text, or after the time-out; negative is before it."""
+    """Time after the text, or after the time-out; negative is before it."""
 
 
 def found_all(
     told: LogEvidence, stated: Sequence[Statement], declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float
 ) -> list[Answered]:
-    """Return how each statement of a log was declared, by times and kinds of what was.
+    """Return how each statement of a log was declared, by times and kinds of the declarations.
 
-    A declaration is of the same flight, whose beginning old logs leave open by a second. One crash is declared once:
-    the one before it had its own.
+    A declaration belongs to the same flight, whose start is uncertain by a second in old logs. One crash is declared
+    once: an earlier crash has its own declaration.
     """
     said, outcomes, crashed_usec = list(declared), [], 0
     for one in stated:

@@ -1,4 +1,4 @@
-"""What a log states outright: crashes, battery failsafes and silences, each of which a detector has to declare."""
+"""Explicit statements of a log: crashes, battery failsafes and silences, each of which a detector must declare."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DATAFLASH, ULOG = b"\xa3\x95", b"ULog"
 
 
 class StatementKind(StrEnum):
-    """What a log may state."""
+    """Kinds of statements."""
 
     CRASH = "crash"
     BATTERY = "battery failsafe"
@@ -35,26 +35,26 @@ BATTERY = re.compile(
     re.IGNORECASE,
 )  # fmt: skip
 """ArduPilot 3.3 "Low Battery!", 3.4 "Low battery", 3.6 on "Battery 1 is low 10.2V used 900 mAh" and "Battery Failsafe";
-PX4 "Critical battery, return now". PX4's "Low battery level" is a warning, upon which it does nothing by itself."""
+PX4 "Critical battery, return now". PX4's "Low battery level" is a warning without an action of PX4."""
 EKF = re.compile(r"EKF (variance|failsafe|primary)|DCM bad|bad ahrs|compass variance|position lost", re.IGNORECASE)
 SAME_S = {StatementKind.CRASH: 20.0, StatementKind.BATTERY: 120.0, StatementKind.SILENCE: 0.0}
-"""What is said again within this is said once."""
+"""Interval within which a repeated statement counts once."""
 EMERGENCY_STATES = frozenset({6, 8})
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One thing that a log states of one vehicle."""
+    """One statement of a log about one vehicle."""
 
     what: StatementKind
     t_usec: int
-    """When it is stated; of a silence, when it began."""
+    """Time of the statement; of a silence, its begin."""
     words: str
     until_usec: int | None = None
 
 
 def read_log_evidence(path: Path) -> dict[int, LogEvidence]:
-    """Return what a log says by itself, by system; nothing of what is no log.
+    """Return a log's evidence, by system; empty for a file that is no log.
 
     Raises:
         OSError: it cannot be read.
@@ -75,7 +75,7 @@ def read_log_evidence(path: Path) -> dict[int, LogEvidence]:
 
 
 def find_statements(told: LogEvidence, link_timeout_s: float) -> list[Statement]:
-    """Return what a log states of a vehicle that is armed, in the order of time."""
+    """Return a log's statements about an armed vehicle, in order of time."""
     found = [
         *((StatementKind.CRASH, one.t_usec, one.words) for one in told.texts if CRASH.search(one.words)),
         *((StatementKind.BATTERY, one.t_usec, one.words) for one in told.texts if BATTERY.search(one.words)),
@@ -85,7 +85,7 @@ def find_statements(told: LogEvidence, link_timeout_s: float) -> list[Statement]
     once: list[Statement] = []
     last: dict[StatementKind, int] = {}
     for what, t_usec, words in sorted(found, key=lambda one: one[1]):
-        # A crash check disarms at once: its text may come after the heartbeat that says so.
+        # A crash check disarms at once: its text may come after the heartbeat that reports it.
         if not (told.is_armed(t_usec) or (what is StatementKind.CRASH and told.is_armed(t_usec - 3 * SECOND))):
             continue
         if what in last and t_usec - last[what] < SAME_S[what] * SECOND:
@@ -99,7 +99,7 @@ def find_statements(told: LogEvidence, link_timeout_s: float) -> list[Statement]
 
 
 def _find_link_silences(told: LogEvidence, link_timeout_s: float) -> list[Statement]:
-    """Return silences that were the link's: others were heard meanwhile, or nobody else is ever heard."""
+    """Return silences of the link: other senders were heard meanwhile, or there are none."""
     return [
         Statement(StatementKind.SILENCE, one.from_usec, f"nothing of it for {one.lasted_s:.1f} s", one.to_usec)
         for one in told.silences
@@ -108,4 +108,4 @@ def _find_link_silences(told: LogEvidence, link_timeout_s: float) -> list[Statem
 
 
 MARGIN_S = 0.5
-"""A silence that is hardly longer than the time-out may be declared or not."""
+"""A silence hardly longer than the time-out may be declared or not."""

@@ -1,4 +1,4 @@
-"""A telemetry log (.tlog) as pymavlink reads it: what each vehicle in it says of itself."""
+"""A telemetry log (.tlog) read with pymavlink: each vehicle's own reports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from benchmarks.witness.log_evidence import (
 
 STAMP = 8
 DAYS_USEC = 30 * 86400 * SECOND
-"""A stamp that is farther from the one before is damage."""
+"""A time stamp farther from the previous one is damage."""
 SILENT_USEC = 2 * SECOND
 BOOT_TIMED = frozenset({mav.MAVLINK_MSG_ID_ATTITUDE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT})
 LOOKS_USEC = 5 * SECOND
@@ -34,23 +34,23 @@ MIDST_USEC = SECOND // 2
 SWITCH_BANDS = (1231, 1361, 1491, 1621, 1750)
 """Where ArduPilot's mode switch changes its position (RC_Channel::read_6pos_switch), microseconds."""
 MOVED_US = 250
-"""An auxiliary switch that was moved."""
+"""Change of an auxiliary switch."""
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 AUTOPILOTS = frozenset({3, 12})
 STATION = 6
 MODE_ORDERS = frozenset({11, 16, 17, 18, 19, 20, 21, 22, 85, 176, 185, 192, 193, 252, 300, 400})
-"""What changes a mode: SET_MODE, whose acknowledgement has the message's own number (11), and commands."""
+"""Commands that change a mode: SET_MODE, whose acknowledgement has the message's own number (11), and commands."""
 MODE_SWITCH = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
 ARDUPILOT_SWITCH = 5
 CHANNELS = 8
 FIXED = 3
 SEA_LEVEL_HPA = 1013.25
 OVERTAKEN, SAME = 128, 255
-"""A sequence number that is ahead by more is one that was overtaken, or comes again."""
+"""A sequence number ahead by more than this is out of order, or a repeat."""
 
 
 def read_telemetry(path: Path) -> dict[int, LogEvidence]:
-    """Return what a telemetry log says, by system."""
+    """Return a telemetry log's evidence, by system."""
     reading = _Reading()
     for t_usec, frame in on_vehicles_clocks(list(read_tlog_frames(path.read_bytes()))):
         reading.read_frame(t_usec, frame)
@@ -58,7 +58,7 @@ def read_telemetry(path: Path) -> dict[int, LogEvidence]:
 
 
 def read_tlog_frames(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the records of a log; what lies between them is passed over."""
+    """Yield the records of a log; bytes between them are skipped."""
     at, end, last = 0, len(data), 0
     while at + STAMP + 8 <= end:
         size = _find_frame_size(data, at + STAMP)
@@ -75,15 +75,15 @@ def read_tlog_frames(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _is_continuation(data: bytes, at: int, t_usec: int) -> bool:
-    """Return whether the record that follows one of a strange time has nearly the same."""
+    """Return whether the record after one with an implausible time has nearly the same."""
     return at + STAMP <= len(data) and abs(int(struct.unpack_from(">Q", data, at)[0]) - t_usec) < SECOND
 
 
 def on_vehicles_clocks(records: list[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-    """Yield records whose times go on where the recorder's clock was set.
+    """Yield records with continuous times where the recorder's clock was set.
 
-    That it was shows in the attitudes and positions of the next seconds: each has its vehicle's own time, which differs
-    from the recorder's by something else from then on.
+    A clock change shows in the attitudes and positions of the next seconds: each has its vehicle's own time, which from
+    then on has another offset from the recorder's.
     """
     apart: dict[int, int] = {}
     shift = last = 0
@@ -113,7 +113,7 @@ def _set_by(records: list[tuple[int, bytes]], number: int, shift: int, apart: di
 
 
 def _boot_usec(frame: bytes) -> tuple[int, int] | None:
-    """Return a vehicle's system and its time since its boot, where a frame begins with that."""
+    """Return a vehicle's system and time since boot, if a frame begins with that."""
     first = frame[0] == 0xFE
     number = frame[5] if first else int.from_bytes(frame[7:10], "little")
     if number not in BOOT_TIMED:
@@ -123,7 +123,7 @@ def _boot_usec(frame: bytes) -> tuple[int, int] | None:
 
 
 def _find_frame_size(data: bytes, at: int) -> int:
-    """Return the length of the frame that begins there; 0 if none does."""
+    """Return the length of the frame at this position; 0 without one."""
     if data[at] == 0xFE and at + 8 <= len(data):
         return data[at + 1] + 8
     if data[at] == 0xFD and at + 12 <= len(data):
@@ -133,7 +133,7 @@ def _find_frame_size(data: bytes, at: int) -> int:
 
 @dataclass(slots=True)
 class _Vehicle:
-    """What is remembered of one between its messages."""
+    """State kept for one vehicle between messages."""
 
     told: LogEvidence
     heard_usec: int = 0
@@ -148,7 +148,7 @@ class _Reading:
     vehicles: dict[int, _Vehicle] = field(default_factory=dict)
     decoder: Any = field(default_factory=lambda: mav.MAVLink(None))
     stations: list[int] = field(default_factory=list)
-    """When ground stations were heard."""
+    """Times at which ground stations were heard."""
     last_usec: int = 0
 
     def read_frame(self, t_usec: int, frame: bytes) -> None:
@@ -199,14 +199,14 @@ class _Reading:
         vehicle.heard_usec = vehicle.told.ended_usec = t_usec
 
     def _build_silence(self, from_usec: int, to_usec: int) -> Silence:
-        """Return a silence, and whether a station was heard in the midst of it: else the recorder may have paused."""
+        """Return a silence, and whether a station was heard during it: otherwise the recorder may have paused."""
         first = bisect_left(self.stations, from_usec + MIDST_USEC)
         midst = first < len(self.stations) and self.stations[first] <= to_usec - MIDST_USEC
         return Silence(from_usec, to_usec, midst if self.stations else None)
 
     @staticmethod
     def _count_frames(vehicle: _Vehicle, t_usec: int, sequence: int) -> None:
-        """Count what came and what is missing, by the sequence numbers of frames."""
+        """Count received and missing frames, by sequence numbers."""
         minute = vehicle.told.frames.setdefault((t_usec - vehicle.told.began_usec) // (60 * SECOND), [0, 0])
         minute[0] += 1
         if vehicle.sequence is not None:
@@ -214,11 +214,11 @@ class _Reading:
             if missing < OVERTAKEN:
                 minute[1] += missing
             elif missing != SAME:
-                return  # overtaken on its way: it was counted as missing
+                return  # out of order: it was counted as missing
         vehicle.sequence = sequence
 
     def _record_order(self, t_usec: int, system: int, message: Any) -> None:  # noqa: ANN401
-        """Take an order to a vehicle, or a vehicle's answer to one."""
+        """Record a command to a vehicle, or a vehicle's answer to one."""
         number = message.get_msgId()
         if number == mav.MAVLINK_MSG_ID_COMMAND_ACK:
             if system in self.vehicles and message.result == 0 and message.command in MODE_ORDERS:

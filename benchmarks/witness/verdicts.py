@@ -1,4 +1,4 @@
-"""Declarations held against what the log says: confirmed, refuted by one of its lines, or undecided."""
+"""Declarations checked against the log: confirmed, refuted by one of its lines, or undecided."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from executor.replay.replay_result import Declaration
 
 
 class Stand(StrEnum):
-    """How a declaration stands against the log."""
+    """Result of checking a declaration against the log."""
 
     CONFIRMED = "confirmed"
     REFUTED = "refuted"
@@ -37,11 +37,11 @@ class Stand(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """Of one declaration."""
+    """Verdict on one declaration."""
 
     outcome: Stand
     because: str
-    """The line of the log that says so."""
+    """The line of the log that proves it."""
 
 
 GROUND_M = 1.5
@@ -53,30 +53,30 @@ STILL_M = 5.0
 STILL_S = 25.0
 SAID_S = 10.0
 FALLS_M_S, DROPS_M_S = 2.5, 8.0
-"""Sinking that somebody may have ordered, and sinking that no copter does by itself."""
+"""Sink rate that may be commanded, and one that no copter reaches in normal flight."""
 SANK_S, SANK_M = 6.0, 3.0
-"""Nobody sinks so far in this time who holds a height."""
+"""A vehicle that holds height does not sink this far in this time."""
 LANDED_M = 2.5
 HIGH_M = 5.0
 
 
 def confirm(because: str) -> Ruling:
-    """Return that the log says the same."""
+    """Return that the log agrees."""
     return Ruling(Stand.CONFIRMED, because)
 
 
 def refute(because: str) -> Ruling:
-    """Return that the log says otherwise."""
+    """Return that the log contradicts."""
     return Ruling(Stand.REFUTED, because)
 
 
 def leave_undecided(because: str) -> Ruling:
-    """Return that the log does not say."""
+    """Return that the log does not decide."""
     return Ruling(Stand.UNDECIDED, because)
 
 
 def hold_against(declared: Declaration, told: LogEvidence, link_timeout_s: float) -> Ruling:
-    """Hold one declaration against what the log says of its vehicle."""
+    """Check one declaration against the log's evidence on its vehicle."""
     at = declared.t_usec
     if declared.kind is FaultKind.LINK:
         return _link(told, at, link_timeout_s)
@@ -126,7 +126,7 @@ def _stream(told: LogEvidence, at: int, stream: str) -> Ruling:
 
 
 def _find_named_controller(declared: Declaration) -> Controller | None:
-    """Return whom a declaration itself names as who changed the mode."""
+    """Return the source of the mode change that the declaration itself names."""
     words = f"{declared.reason} {declared.evidence.partition('; it says')[0]}".lower()
     for hand, name in ((Controller.PILOT, "pilot"), (Controller.STATION, "station"), (Controller.FAILSAFE, "failsafe")):
         if name in words:
@@ -173,7 +173,7 @@ def _down(told: LogEvidence, at: int, *, falls: bool) -> Ruling:
 
 
 def _sank(told: LogEvidence, at: int) -> Ruling:
-    """Look whether it lost height by and by, and did not win it back."""
+    """Check whether it gradually lost height without regaining it."""
     before, then = told.find_motion(at - round(SANK_S * SECOND)), told.find_motion(at)
     if before is None or then is None or before.height_m is None or then.height_m is None:
         return leave_undecided("how high it was is not in the log")
@@ -187,7 +187,7 @@ def _sank(told: LogEvidence, at: int) -> Ruling:
 
 
 def _lay(told: LogEvidence, at: int) -> Ruling:
-    """Look whether it came down faster than any landing and stayed there, armed."""
+    """Check whether it descended faster than any landing and stayed down, armed."""
     after = select_between(told.moments, at, at + round(FLOWN_ON_S * SECOND))
     if not told.is_armed(at + round(FLOWN_ON_S * SECOND)) or not after:
         return refute("it disarmed, as after a landing")
@@ -237,7 +237,7 @@ def _stood(told: LogEvidence, at: int) -> Ruling:
 
 
 def _distance_m(one: object, other: object) -> float:
-    """Return how far apart two moments are."""
+    """Return the distance between two samples."""
     lat, lon = getattr(one, "lat_deg", 0.0), getattr(one, "lon_deg", 0.0)
     north = (getattr(other, "lat_deg", 0.0) - lat) * 111_320.0
     east = (getattr(other, "lon_deg", 0.0) - lon) * 111_320.0 * math.cos(math.radians(lat))
@@ -245,7 +245,7 @@ def _distance_m(one: object, other: object) -> float:
 
 
 def _judge_by_own_words(declared: Declaration, told: LogEvidence) -> Ruling:
-    """Look for the autopilot's own words of that kind."""
+    """Search for the autopilot's own text of that kind."""
     pattern = next((one for name, one in SAID.items() if name in declared.reason), None)
     failed = [one for one in select_near(told.failings, declared.t_usec, SAID_S, 2.0) if one.kind in declared.reason]
     if failed:
@@ -276,4 +276,4 @@ SAID: Mapping[str, re.Pattern[str]] = {
     "rc": re.compile(r"radio|\brc\b|throttle|manual control", re.IGNORECASE),
     "failsafe": re.compile(r"fail ?safe|lost|variance|breach|crash|low battery|critical", re.IGNORECASE),
 }
-"""What the autopilots write when they act by themselves, by the names that watchpoints may have."""
+"""Autopilots' texts when they act themselves, by names that watchpoints may have."""

@@ -1,1 +1,1 @@
-"""Pages and schemas of the documents that are made from the program."""
+"""Documentation pages and schemas generated from the program."""

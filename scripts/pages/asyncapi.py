@@ -1,4 +1,4 @@
-"""MQTT as an AsyncAPI document: the topics, who sends, what is retained, and the JSON schemas of the payloads."""
+"""MQTT as an AsyncAPI document: topics, senders, retained messages, and the JSON schemas of the payloads."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Channel:
     """One topic."""
 
     message: str
-    """Its schema's name."""
+    """Name of its schema."""
     address: str
     retained: bool = False
     sent: bool = True
-    """By faultline; False for what it takes."""
+    """Sent by faultline; False for received topics."""
 
 
 CHANNELS = (

@@ -1,4 +1,4 @@
-"""The references of the library and of the fleet for tests, made from the docstrings of what they offer."""
+"""References of the library and of the fleet for tests, generated from docstrings."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ the same name orders, and the mark `virtual_time(limit_s=3600)`, which runs an a
 """
 SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)
 LONGEST = 100
-"""Letters of a signature that stands in one line."""
+"""Maximum characters of a signature on one line."""
 MODULE = re.compile(r"\bplan_parts\.")
 ENTRY = re.compile(r"^    (\w+): ", re.MULTILINE)
 
 
 def library_page(made: str) -> str:
-    """Return the page of the library; `made` is the comment that says how."""
+    """Return the page of the library; `made` is the comment that it is generated."""
     values = [f"| `{name}` | {VALUES[name]} |" for name in faultline.__all__ if name in VALUES]
     lines = [*_members(faultline, "faultline."), "", "## Values", "", "| name | holds |", "| --- | --- |", *values]
     return f"{made}\n\n{HEAD}" + "\n".join(lines) + "\n"
@@ -133,7 +133,7 @@ def _class(name: str, kind: type) -> Iterator[str]:
 
 
 def _plain(annotation: str) -> str:
-    """Return a type without what a document asks of its values, and without the modules of our own types.
+    """Return a type without constraints on its values, and without the modules of our own types.
 
     >>> _plain("Annotated[tuple[int, str], Field(min_length=1)]"), _plain("plan_parts.Pad | None")
     ('tuple[int, str]', 'Pad | None')

@@ -1,4 +1,4 @@
-"""The types of the documents that a browser gets, for the type checker of the page's JavaScript."""
+"""Types of the documents that a browser gets, for type checking the page's JavaScript."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from executor.site.ground_view import GroundDocument
 from executor.site.site_schema import read_docstrings
 
 TYPES = "../executor/adapters/web/documents.d.ts"
-"""Beside what makes the documents."""
+"""Next to the code that makes the documents."""
 DOCUMENTS = (
     FleetView, BesideFleet, BesideVehicle, PageChart, PageAssets, GroundDocument, answers.WorkspaceAnswer,
     answers.NetworkAnswer, answers.GroundAnswer, answers.PlanPart, answers.LossAnswer, answers.ChangeAnswer,
@@ -55,7 +55,7 @@ def page_types() -> str:
 
 
 def _interface(kind: type, wanted: dict[type, None]) -> Iterator[str]:
-    """Yield the lines of an interface; what its keys need is added to what is wanted."""
+    """Yield the lines of an interface; types that its keys need are added to ``wanted``."""
     names = {base.__name__ for base in kind.__mro__}
     words = {key: text for name, key, text in read_docstrings(sys.modules[kind.__module__]) if name in names}
     yield f"/** {' '.join(inspect.cleandoc(kind.__doc__ or '').split())} */"
@@ -70,7 +70,7 @@ def _interface(kind: type, wanted: dict[type, None]) -> Iterator[str]:
 
 
 def _typed(kind: object, wanted: dict[type, None]) -> str:
-    """Return a type as JSON has it.
+    """Return a type as in JSON.
 
     >>> _typed(tuple[int | None, ...], {}), _typed(tuple[float, str], {}), _typed(Literal["a", "b"], {})
     ('(number | null)[]', '[number, string]', '"a" | "b"')

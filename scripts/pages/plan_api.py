@@ -1,4 +1,4 @@
-"""The page about the API of the plan page, made from its OpenAPI document: each path, and each object that is sent."""
+"""The page about the API of the plan page, made from its OpenAPI document: each path, and each transferred object."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _list_keys(schema: Schema) -> Iterator[str]:
 
 
 def _name_kind(schema: Schema) -> str:
-    """Return in words what a value may be."""
+    """Return a value's type in words."""
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
         return f"`{name}`" if name.endswith("Body") else f"[{name}](#{name.lower()})"

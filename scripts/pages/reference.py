@@ -1,4 +1,4 @@
-"""The pages and schemas that are made from the program, and the types of what its page gets.
+"""Pages and schemas generated from the program, and the types of the documents its page gets.
 
 `python -m scripts.pages.reference docs` writes them.
 """
@@ -47,12 +47,12 @@ DOMAINS: tuple[tuple[str, type[ReasonCode]], ...] = (
     ("The checklist", CheckCode),
     ("Telemetry radios", ChannelCode),
 )
-"""Each domain of codes, by its heading."""
+"""Domains of codes, by heading."""
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"
 
 
 def pages() -> dict[str, str]:
-    """Return each page, and each schema, by its place from `docs`."""
+    """Return each page and schema, by its path from `docs`."""
     states = states_page(MADE.format(what="tables (executor/core/state/vehicle_state.py, flags.py and fleet.py)"))
     return {
         COMMANDS: commands_page(),
@@ -70,13 +70,13 @@ def pages() -> dict[str, str]:
 
 
 def write_pages(folder: Path) -> None:
-    """Write every page and schema to its place from a folder."""
+    """Write every page and schema to its path in a folder."""
     for name, text in pages().items():
         (folder / name).write_text(text, encoding="utf-8")
 
 
 def commands_page() -> str:
-    """Return the page of the command line: each command with its arguments and options, as `--help` has them."""
+    """Return the page of the command line: each command with its arguments and options, as in `--help`."""
     lines = [
         MADE.format(what="help texts (executor/cli)"),
         "",
@@ -91,7 +91,7 @@ def commands_page() -> str:
 
 
 def commands() -> Iterator[tuple[str, TyperCommand]]:
-    """Yield every command by its whole name, such as `faultline bench fleet`."""
+    """Yield every command by its full name, for example `faultline bench fleet`."""
     for name, command in ((name, load_command(name)) for name in commandline.COMMANDS):
         for whole, one in ((name, command), *((f"{name} {below}", one) for below, one in _children(command))):
             if isinstance(one, TyperCommand):
@@ -120,7 +120,7 @@ def _usage(name: str, command: TyperCommand, context: Any) -> Iterator[str]:  # 
 
 
 def _kind(shown: str) -> str:
-    """Return an option with what it takes in one word, where typer names a type of Python.
+    """Return an option with its argument in one word, where typer names a Python type.
 
     >>> _kind("--vehicles <int range>"), _kind("SITE <path>"), _kind("--cost <minmax|minsum>")
     ('--vehicles NUMBER', 'SITE', '--cost <minmax|minsum>')
@@ -160,7 +160,7 @@ def site_page() -> str:
     ]
     for heading, model in _tables(site_file.Site, ""):
         if model in shown:
-            continue  # of the same keys, in another place
+            continue  # has the same keys as another
         shown.add(model)
         lines += ["", f"## {heading}", "", inspect.cleandoc(model.__doc__ or ""), ""]
         lines += ["| key | unit | default | values | meaning |", "| --- | --- | --- | --- | --- |"]
@@ -197,7 +197,7 @@ def reasons_page() -> str:
 
 
 def keys() -> list[str]:
-    """Return every key of a site file by its whole name, such as `mqtt.port`."""
+    """Return every key of a site file by its full name, for example `mqtt.port`."""
     found: list[str] = []
     for heading, model in _tables(site_file.Site, ""):
         found += [f"{heading.strip('`[]')}.{name}" for name, _ in _plain(model)]
@@ -205,7 +205,7 @@ def keys() -> list[str]:
 
 
 def _tables(model: type[BaseModel], above: str) -> Iterator[tuple[str, type[BaseModel]]]:
-    """Yield the tables below a model, with their headings as TOML writes them."""
+    """Yield the tables below a model, with their TOML headings."""
     for name, field in model.model_fields.items():
         below = _model_of(field.annotation)
         if below is None:
@@ -223,7 +223,7 @@ def _plain(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
 
 
 def _model_of(kind: object) -> type[BaseModel] | None:
-    """Return the table that a field's type holds, alone, in a tuple or beside None."""
+    """Return the table in a field's type, alone, in a tuple or with None."""
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return kind
     return next((found for one in get_args(kind) if (found := _model_of(one)) is not None), None)
@@ -253,7 +253,7 @@ def _value(value: object) -> str:
 
 
 def _values(field: FieldInfo) -> str:
-    """Return what a key may hold, in words."""
+    """Return a key's allowed values, in words."""
     listed = [
         one.json_schema.get("enum") for one in field.metadata if isinstance(one, WithJsonSchema) and one.json_schema
     ]
@@ -283,7 +283,7 @@ def _literals(kind: object) -> tuple[str, ...]:
 
 
 def _metadata(kind: object) -> Iterator[BaseMetadata]:
-    """Yield the bounds that stand anywhere in a type."""
+    """Yield all bounds within a type."""
     for one in (*getattr(kind, "__metadata__", ()), *get_args(kind)):
         if isinstance(one, FieldInfo):
             yield from (bound for bound in one.metadata if isinstance(bound, Ge | Gt | Le))

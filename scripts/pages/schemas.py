@@ -1,4 +1,4 @@
-"""The JSON schemas of the documents, made from the models: files that people and programs keep, and MQTT payloads."""
+"""JSON schemas of the documents, generated from the models: files that people and programs keep, and MQTT payloads."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ PLAN = (
     terrain,
     ways,
 )
-"""Those that the plan file's keys are in."""
+"""Modules with the plan file's keys."""
 Words = Mapping[tuple[str, str], str]
 
 
 def schemas() -> dict[str, str]:
-    """Return every schema as text, by its place below `docs`."""
+    """Return every schema as text, by its path below `docs`."""
     modules = (
         fleet_view,
         fleet_state,
@@ -90,7 +90,7 @@ def _text(name: str, model: type[object], words: Words) -> str:
     content = TypeAdapter(model).json_schema(mode="serialization" if sent else "validation")
     add_descriptions(content, words)
     for part in (content, *content.get("$defs", {}).values()) if sent else ():
-        # A later minor version may say more; in what comes in, an unknown key is a mistake.
+        # A later minor version may add keys; in input, an unknown key is an error.
         part.pop("additionalProperties", None)
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": name}
     return json.dumps(head | content, indent=1) + "\n"

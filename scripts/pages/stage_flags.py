@@ -1,7 +1,7 @@
-"""What stands beside a vehicle's stage: in which stages each may be so, what brings it and what ends it.
+"""Flags of a vehicle besides its stage: the stages that allow each, its causes and its ends.
 
-With `TRANSITIONS` this is the whole machine of a vehicle. `docs/explanations/states.md` shows both; whatever flight is
-simulated in the tests is held to them at every step.
+With `TRANSITIONS` this is a vehicle's complete state machine. `docs/explanations/states.md` shows both; every flight
+simulated in the tests is checked against them at every step.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from executor.core.state.vehicle_state import TRANSITIONS, Stage, VehicleState
 
 EVERYWHERE = frozenset(Stage)
 _OVER = frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST})
-"""The mission is not flown any more, or by another's hand."""
+"""The mission is no longer flown, or another controller flies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class FlagRule:
     name: str
     meaning: str
     stages: frozenset[Stage]
-    """Where it may be set."""
+    """Stages in which it may be set."""
     begins: str
     ends: str
     holds: Callable[[VehicleState], bool]
@@ -95,7 +95,7 @@ FLAGS: tuple[FlagRule, ...] = (
 
 
 def find_flag_breaches(before: VehicleState, after: VehicleState) -> Iterator[str]:
-    """Yield what a step made of a vehicle that the tables do not allow."""
+    """Yield violations of the tables by a step of a vehicle."""
     if after.stage is not before.stage and after.stage not in TRANSITIONS[before.stage]:
         yield f"{after.name}: {before.stage.value} became {after.stage.value}"
     for rule in FLAGS:

@@ -1,4 +1,4 @@
-"""The page of stages, flags and ticks, and its picture, made from the tables that the program decides by."""
+"""The page of stages, flags and ticks, and its picture, generated from the program's own tables."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ PLACES: dict[Stage, tuple[int, int]] = {
 WIDE, HIGH = 780, 520
 HALF_W, HALF_H = 62, 20
 BEND = 26
-"""How far a way bends to its left, so that one and the one back lie apart."""
+"""Bend of an edge to its left, which separates it from the opposite one."""
 
 
 def states_page(made: str) -> str:
     """Return the page.
 
     Args:
-        made: The line that says that nobody should edit it.
+        made: The line that warns against editing it.
     """
     lines = [
         made, "", "# The states of a vehicle", "",
@@ -84,7 +84,7 @@ def _way(one: Stage, other: Stage) -> str:
     (ax, ay), (bx, by) = PLACES[one], PLACES[other]
     far = math.hypot(bx - ax, by - ay)
     between = ((ax + bx) // 2, (ay + by) // 2) in PLACES.values()
-    bend = BEND * (1.0 if not between else 3.0 if ay == by else 5.5)  # past a box, which is wider than it is high
+    bend = BEND * (1.0 if not between else 3.0 if ay == by else 5.5)  # around a box, which is wider than it is high
     mx, my = (ax + bx) / 2 + bend * (by - ay) / far, (ay + by) / 2 - bend * (bx - ax) / far
     (sx, sy), (ex, ey) = _edge(ax, ay, mx, my), _edge(bx, by, mx, my)
     return (
@@ -94,7 +94,7 @@ def _way(one: Stage, other: Stage) -> str:
 
 
 def _edge(x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
-    """Return where the line from the middle of a box leaves it."""
+    """Return where the line from the centre of a box leaves it."""
     dx, dy = to_x - x, to_y - y
     share = min(HALF_W / abs(dx) if dx else math.inf, HALF_H / abs(dy) if dy else math.inf)
     return x + share * dx, y + share * dy
