@@ -404,7 +404,7 @@ def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
 
 
 WITHHELD_TEXTS = 20
-"""Most texts kept until a ground station is heard again."""
+"""Most texts kept while no ground station is connected."""
 
 
 class VehicleOutbox:

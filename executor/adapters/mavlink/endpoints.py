@@ -368,12 +368,17 @@ def _end_when_unacknowledged(plug: socket.socket) -> None:
             plug.setsockopt(socket.IPPROTO_TCP, option, UNACKNOWLEDGED_MS)
 
 
+def _check_serial_ports() -> None:
+    """Refuse serial ports on Windows; a check of its own, behind which type checkers go on."""
+    if sys.platform == "win32":
+        raise OSError("a serial port is read on Linux and macOS (on Windows: WSL 2)")
+
+
 class _SerialPort:
     """An open serial port; reads and writes never wait."""
 
     def __init__(self, router: Router, connection: Connection) -> None:
-        if sys.platform == "win32":
-            raise OSError("a serial port is read on Linux and macOS (on Windows: WSL 2)")
+        _check_serial_ports()
         import serial
 
         self.lost = asyncio.Event()

@@ -34,7 +34,7 @@ AnyLink = VehicleLink | JoinedLink
 FIRST_LINK_ID = 128
 """First signature link id for stations; the vehicles' own links count from 0."""
 GONE_S = 30.0
-"""Seconds of silence after which a station that connected by UDP is sent nothing more."""
+"""Silence after which a station that connected by UDP is sent nothing more."""
 MOST_STATIONS, MOST_CHANNELS = 32, 200
 SAME_S = 10.0
 """Seconds within which a station's repeated action is reported once."""
