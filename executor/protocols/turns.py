@@ -1,7 +1,7 @@
 """Decide which transfer is next on a channel that several vehicles share: the most urgent one first.
 
-Side by side they would take the channel from each other, and all be late; only where answers are far do two or three
-use what the others wait for. One that does not come on keeps nobody waiting: its vehicle may be out of reach.
+Parallel transfers slow each other down and are all late. Only where round trips are long do two or three run at
+once, as one alone leaves the channel idle. A stalled transfer holds no other back: its vehicle may be out of reach.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Turn:
 
 
 def count_at_once(trip: RoundTrip, radio: Radio | None) -> int:
-    """Return how many transfers go side by side: one that waits for a far answer leaves the channel idle.
+    """Return how many transfers may run at once: a single one with a long round trip leaves the channel idle.
 
-    Answers that wait behind our own bytes are not far.
+    A full buffer of our own radio also lengthens round trips; then there are two at most.
     """
     if trip.mean_s is None or trip.mean_s < SLOW_S:
         return 1
