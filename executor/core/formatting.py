@@ -112,7 +112,7 @@ def format_known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: f
 def format_age(seconds: float) -> str:
     """Return an age.
 
-    >>> ago(4.2), ago(754.2)
+    >>> format_age(4.2), format_age(754.2)
     ('4 s ago', '12:34 min ago')
     """
     return f"{seconds:.0f} s ago" if seconds < MINUTES_FROM_S else f"{format_duration(seconds)} min ago"

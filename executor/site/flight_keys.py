@@ -187,7 +187,7 @@ Seconds = Annotated[float, Field(ge=0, le=86_400, allow_inf_nan=False)]
 def parse_clock_s(text: str) -> float:
     """Return the seconds since midnight of a time of the day.
 
-    >>> clock_s("08:30")
+    >>> parse_clock_s("08:30")
     30600.0
     """
     hours, minutes = text.split(":")

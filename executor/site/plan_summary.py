@@ -245,7 +245,7 @@ DAY_S = 86_400.0
 def format_day_time(seconds: float) -> str:
     """Return the day and time of day.
 
-    >>> when(86_400 + 30_630.0)
+    >>> format_day_time(86_400 + 30_630.0)
     'day 2 at 08:30'
     """
     day, minutes = int(seconds // DAY_S) + 1, int(seconds % DAY_S // 60)

@@ -137,7 +137,9 @@ def fitted(state: FleetState) -> FleetState:
     """Return the state with what vehicles say of their GPS, their voltage and the wind."""
     for number, vehicle in enumerate(state.vehicles.values()):
         volts = replace(vehicle.power.volts, voltage_v=16.2 - 0.2 * number)
-        state = state.put(with_facts(vehicle, gps=Gps(3, 14 + number), wind=Wind(4.2 + number, 240.0), volts=volts))
+        known = replace(vehicle.sensors.positioning, fixed=vehicle.motion.fix, accuracy_m=1.2)
+        facts = {"gps": Gps(3, 14 + number), "wind": Wind(4.2 + number, 240.0), "volts": volts, "positioning": known}
+        state = state.put(with_facts(vehicle, **facts))
     return state
 
 

@@ -380,7 +380,7 @@ class _PartialText:
 def clean_text(raw: bytes) -> str:
     r"""Return a text that is safe to show, without its zero padding and PX4's trailing tab.
 
-    >>> clean(b"Takeoff detected\t")
+    >>> clean_text(b"Takeoff detected\t")
     'Takeoff detected'
     """
     said = formatting.escape_controls(raw.decode("utf-8", errors="replace").strip("\x00 \t\r\n"))

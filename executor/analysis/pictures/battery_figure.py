@@ -296,7 +296,7 @@ def label_lines(axes: Axes, ends: Sequence[LineEnd], step: float = LABEL_STEP) -
 def spread_heights(heights: Sequence[float], least: float) -> list[float]:
     """Return ascending heights moved apart to a least distance, with the same mean.
 
-    >>> spread([0.0, 1.0], 2.0)
+    >>> spread_heights([0.0, 1.0], 2.0)
     [-0.5, 1.5]
     """
     moved: list[float] = []
