@@ -49,7 +49,7 @@ def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed:
             require_extra(Extra.PICTURES, f"bench solvers --part {part.value}")
     for part in parts:
         if data is None and part in NEED_DATA:
-            missing = "no ../shared/data beside the project or from here; --data DIR names it"
+            missing = "no ../shared/data next to the project or the working directory; --data DIR names it"
             print(f"faultline: {part.value} is left out: {missing}", file=sys.stderr)
             continue
         work = WORK[part]

@@ -30,7 +30,8 @@ from planner import Cost
 cli = typer.Typer(
     name="bench",
     help="Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against "
-    "MAVSDK; what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned.",
+    "MAVSDK; the load of a fleet; the time to resume a flight; the faults that the watchpoints detect; planned against "
+    "flown.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -96,9 +97,9 @@ def solvers(
 ) -> None:
     """Solve one instance (--instance or --radius); without one, measure the solvers, part by part.
 
-    The parts: csum (c-MinSum beside PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
-    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times). An interrupted part goes
-    on where it was.
+    The parts: csum (c-MinSum against PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
+    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times). An interrupted part resumes
+    where it stopped.
     """
     if instance is None and radius is None:
         _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
@@ -159,7 +160,7 @@ def table(
 ) -> None:
     """Make the paper's table: re-plan windows by cost function, radius and tightness (about 40 minutes on 2 cores).
 
-    An interrupted run goes on where it was.
+    An interrupted run resumes where it stopped.
     """
     from benchmarks.machine import cores
     from benchmarks.table.command import make_table
@@ -202,7 +203,7 @@ def upload(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write upload.md and upload.json there.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Upload missions over bad links: faultline's way and MAVSDK's, to simulated vehicles of both autopilots."""
+    """Upload missions over bad links with faultline and with MAVSDK, to simulated vehicles of both autopilots."""
     from benchmarks.store import keep_result
     from benchmarks.upload import DELAYS_S, ITEMS, LOSSES, measure_uploads
 
@@ -249,7 +250,8 @@ def fleet(
             max=100,
             callback=require_finite,
             metavar="RATIO",
-            help="Datagrams of noise, damaged and foreign frames to the vehicles' ports, for each of theirs.",
+            help="Datagrams with noise, damaged or foreign frames to the vehicles' ports, for each datagram of the "
+            "vehicles.",
         ),
     ] = 0.0,
     browsers: Annotated[int, typer.Option(min=0, max=20, help="Browsers that follow the page.")] = 0,
@@ -259,10 +261,10 @@ def fleet(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Fly simulated fleets and measure the ground station: its work for each vehicle, how long it is blocked, memory.
+    """Fly simulated fleets and measure the ground station: processor time per vehicle, blocked time, memory.
 
-    The executor is held to one core. `--vehicles 50 --minutes 60` is an hour of fifty, `--fault uav7:silent@10%` a
-    re-plan for them, `--garbage 10 --browsers 1` a flood of foreign datagrams with the page open.
+    The executor is limited to one core. `--vehicles 50 --minutes 60` flies fifty vehicles for an hour, `--fault
+    uav7:silent@10%` adds a re-plan, `--garbage 10 --browsers 1` a flood of foreign datagrams with the page open.
     """
     from benchmarks.fleet import COUNTS, Burden, make_fleet
 
@@ -328,8 +330,8 @@ def detection(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Recorded flights, with truths beside them or without; by default ../shared/logs, if it is there. "
-            "Named, they are judged alone, unless --healthy or --faulty ask for modelled flights too.",
+            help="Recorded flights, with or without truth files; by default ../shared/logs, if it exists. With this "
+            "option only they are judged, unless --healthy or --faulty request modelled flights too.",
         ),
     ] = None,
     out: Annotated[
@@ -344,8 +346,8 @@ def detection(
     baseline detector of a few lines is measured on the same flights, and both on recorded ones. The same seed gives the
     same figures for any number of processes.
 
-    Of recorded flights those with a truth beside them are held against it; every other log under the folder, of real
-    aircraft, against what it says itself, by a judge of its own.
+    A recorded flight with a truth file is compared with it; an independent judge compares every other log under the
+    folder, from real aircraft, with the log's own statements.
     """
     from benchmarks.detectionbench import make_detection, print_detection
     from benchmarks.machine import cores
@@ -379,7 +381,7 @@ def tune(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Sweep the thresholds over recorded flights, by truths beside them or by what the logs themselves state."""
+    """Sweep the thresholds over recorded flights, judged by their truth files or by the logs' own statements."""
     from benchmarks.tuning import print_tuning
 
     if output is not None:

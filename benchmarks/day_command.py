@@ -14,13 +14,13 @@ from executor.cli.options import JsonOption, SecondsOption, SeedOption
 
 def day(
     seconds: SecondsOption = 290.0,
-    samples: Annotated[int, typer.Option(min=1, help="Times that the days are flown for each fleet.")] = 200,
+    samples: Annotated[int, typer.Option(min=1, help="How many times the days are simulated for each fleet.")] = 200,
     seed: SeedOption = 1,
     data: DataOption = None,
     out: Annotated[Path | None, make_output_option("day.md and day.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Plan days of many sorties: small ones beside proven optima, the paper's whole network, fleets that lose vehicles.
+    """Plan days of many sorties: small ones against proven optima, the paper's whole network, fleets with losses.
 
     The network of 1693 segments is planned within --seconds, everything included.
     """

@@ -12,23 +12,25 @@ from benchmarks.store import Json
 
 TITLE = "Days of many sorties"
 EXACT = (
-    "## Beside proven optima\n\nRandom lines of 8 segments, 2 bases, 2 vehicles that land at either or are driven; "
-    "a sortie has energy for a part of the line. HiGHS proves the earliest last landing, and with it the least time in "
-    "the air; the search has 100,000 iterations. Of {count} instances {same} are the same; {without} have no plan that "
-    "inspects everything, which both say."
+    "## Against proven optima\n\nRandom lines of 8 segments, 2 bases, 2 vehicles that may land at either base or be "
+    "driven; the energy of a sortie covers only part of the line. HiGHS proves the earliest last landing, and for it "
+    "the least time in the air; the search has 100,000 iterations. Of {count} instances {same} are the same; {without} "
+    "have no plan that inspects everything, and both report this."
 )
 NETWORK = (
     "## The paper's network\n\nAll {segments} segments ({length_km:.0f} km of line) from {bases} bases with {vehicles} "
-    "vehicles in days of {hours:g} hours, at 3 m/s along the line. It is 130 km wide: the vehicles have a generator, "
-    "energy for about ten hours at that speed. Everything counts: reading, pricing 11 million moves, the search."
+    "vehicles in days of {hours:g} hours, at 3 m/s along the line. The network is 130 km wide: the vehicles have a "
+    "generator, with energy for about ten hours at that speed. The time includes everything: reading, pricing 11 "
+    "million moves, the search."
 )
 FLEET = (
     "## Vehicles and packs against losses\n\nfaultline's own network, three vehicles from two bases in two hours, "
-    "charging in an hour; vehicles fail at random and are lost with their pack, each loss is re-planned, spares take "
-    "part then. {samples} times each. The rule of arXiv 2604.15890 is k = m (ceil(R) + 1) for m that are active and R "
-    "the time to recover over the time active. There whole vehicles recover; here packs do, so it stands beside the "
-    "packs, summed over the bases. It is meant to suffice even where all are empty at once, and knows no losses for "
-    "good; the column before it is what the plan without a loss has in use at once."
+    "charging in an hour; vehicles fail at random and are lost with their pack, each loss is re-planned, with spares. "
+    "{samples} times each. The rule of arXiv 2604.15890 is k = m (ceil(R) + 1) for m active vehicles, with R the "
+    "recovery time divided by the active time. In that rule whole vehicles recover; here packs do, so the table "
+    "compares it with the packs, summed over the bases. The rule is meant to suffice even if all are empty at the same "
+    "time, and does not include permanent losses; the column before it is the number of packs that the plan without a "
+    "loss uses at the same time."
 )
 
 

@@ -18,13 +18,13 @@ from executor.replay.open_log import open_log
 
 NAMES = {"watchpoints": "watchpoints", "few_lines": "a few lines"}
 INTRODUCTION = (
-    "`{command}`: {flights} modelled flights, {hours:.0f} flight hours, half of them "
-    "ArduPilot's, half PX4's. Healthy ones have wind, gusts, worn packs, noisy sensors, whole and re-estimated "
-    "percentages and lossy links; faulty ones have steps of 10 to 40 points, drains of 1.3 to 4 times the normal rate, "
-    "a failing cell, and silences of 2 to 200 s. A false alarm is a declaration where nothing is wrong, or of another "
-    "kind; to say that a pack will land below its reserve where it does, or its autopilot says so, is none. A fault "
-    "breaks the reserve if the flight would end below it and the vehicle can come home when the fault begins; in time "
-    "is while what is left brings it home. Intervals are of 95 % (Garwood, Wilson)."
+    "`{command}`: {flights} modelled flights, {hours:.0f} flight hours, half of them ArduPilot's, half PX4's. Healthy "
+    "ones have wind, gusts, worn packs, noisy sensors, whole and re-estimated percentages and lossy links; faulty ones "
+    "have steps of 10 to 40 points, drains of 1.3 to 4 times the normal rate, a failing cell, and link gaps of 2 to "
+    "200 s. A false alarm is a declaration without a fault, or of another kind; a declaration that a pack will land "
+    "below its reserve is none if it does, or if its autopilot reports so. A fault breaks the reserve if the flight "
+    "would end below it although the vehicle can still return when the fault begins; in time means while the remaining "
+    "charge suffices for the return. Intervals are 95 % (Garwood, Wilson)."
 )
 FEW_LINES = "a percentage below 25 %, a heartbeat older than 5 s"
 
@@ -95,7 +95,7 @@ def markdown(content: Mapping[str, Any]) -> str:
         "## By fault",
         _kinds(ours["kinds"]),
         "## Drains, by how many times the normal rate",
-        "A mild drain that leaves the reserve whole need not be found.",
+        "A mild drain that does not break the reserve need not be found.",
         _kinds(ours["drains"]),
         "## Recorded flights" if content["recorded"] else "",
         _render_recorded_flights(content["recorded"]),

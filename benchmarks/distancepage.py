@@ -22,25 +22,25 @@ from benchmarks.markdown import Rows, figure
 from benchmarks.report import Report, Table, list_lines
 from benchmarks.store import Json
 
-TITLE = "Everybody at the asked distance"
+TITLE = "All vehicles at the requested distance"
 INTRODUCTION = (
-    "`{command}`: {flights} flights with `same_distance` in virtual time, of {least} to {most} vehicles over the"
-    " segments of faultline's own network within {near:g} to {far:g} m of the depot, both dialects in turn. The air"
-    " moves with up to {wind:g} m/s; three vehicles of ten are up to {slower:.0%} slower than they are told. One"
-    " vehicle, and in {second:.0%} of the flights two, crash, fall silent for good or for 30 s, are brought home by a"
-    " pilot, or use four times as much, at a random part of their routes; or nothing happens. Ten times a second it is"
-    " looked at where everybody truly is. The dearest route of a plan uses {uses_pct:g}% of a battery, of which"
-    " {budget:g}% may be used."
+    "`{command}`: {flights} flights with `same_distance` in virtual time, of {least} to {most} vehicles over the "
+    "segments of faultline's own network within {near:g} to {far:g} m of the depot, the dialects alternating. The air "
+    "moves with up to {wind:g} m/s; three vehicles of ten are up to {slower:.0%} slower than commanded. One vehicle, "
+    "and in {second:.0%} of the flights two, crash, lose their link for good or for 30 s, are flown home by a pilot, "
+    "or use four times the energy, at a random part of their routes; in other flights nothing happens. The true "
+    "positions of all vehicles are checked ten times a second. The most expensive route of a plan uses {uses_pct:g}% "
+    "of a battery, of which {budget:g}% may be used."
 )
 TOLD = (
-    "Inspected at the asked distance are {planned_asked} of {segments} segments as planned, and {counted_asked} of the"
-    " {counted} that counted in the end, {replans} re-plans later; the others are inspected from their vehicle's layer,"
-    " and said so. More than {off_m:g} m off what is said: {off_count}. The nearest two vehicles in the air were"
-    " {nearest_m} m apart, where {promised_m:g} m are promised; nearer than that in {near_count} flights. Who has"
-    " crashed is not counted as it falls."
+    "Inspected at the requested distance are {planned_asked} of {segments} segments as planned, and {counted_asked} of "
+    "the {counted} that counted at the end, {replans} re-plans later; the others are inspected from their vehicle's "
+    "layer, which is reported. More than {off_m:g} m off the reported distance: {off_count}. The nearest two vehicles "
+    "in the air were {nearest_m} m apart, where {promised_m:g} m are promised; nearer than that in {near_count} "
+    "flights. A crashed vehicle is not counted while it falls."
 )
 FLEETS = (
-    "vehicles", "flights", "planned at the asked distance", "inspected at it", "nearest two (m)",
+    "vehicles", "flights", "planned at the requested distance", "inspected at it", "nearest two (m)",
     "longest route, more than in layers (%)",
 )  # fmt: skip
 
@@ -70,8 +70,8 @@ def _describe_duration(calm: Mapping[str, Any]) -> str:
         return ""
     longer = figure(calm["lasted_longer_pct"])
     return (
-        f"The {calm['flights']} flights in which nothing befell anybody lasted, from the launch to the last landing, "
-        f"{longer} % longer in the median than their longest route is planned for."
+        f"The {calm['flights']} flights without any fault lasted, from the launch to the last landing, {longer} % "
+        "longer in the median than their longest route is planned for."
     )
 
 
@@ -91,10 +91,11 @@ def report_distance(content: Mapping[str, Any]) -> Report:
         machine_line(content["machine"]),
         about,
         summary,
-        f"The longest route is {figure(longer['median'])} % longer in the median than with everybody in its layer, "
+        f"The longest route is {figure(longer['median'])} % longer in the median than with all vehicles in their "
+        "layers, "
         f"{figure(longer['most'])} % at most. {_describe_duration(content['undisturbed'])}".rstrip(),
         Table(FLEETS, _fleets(content), TITLE),
-        Table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
+        Table(("faults", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
         *list_lines("## By name", failures),
         f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
     )

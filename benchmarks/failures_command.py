@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from benchmarks.failures import SolvedScenario
 
 FamilyOption = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Only the scenarios whose names begin so, up to the point.")
+    str | None, typer.Option(metavar="NAME", help="Only the scenarios whose names begin with NAME, up to the point.")
 ]
 ProveOption = Annotated[
     float | None,
@@ -26,8 +26,8 @@ ProveOption = Annotated[
         min=0.01,
         callback=require_finite,
         metavar="S",
-        help="Prove for S seconds at most, for each scenario, what no answer can fall below, even if it knew all "
-        "losses at the first one.",
+        help="Prove a lower bound for each scenario, in at most S seconds: no answer can be better, even if it knew "
+        "all losses at the first one.",
     ),
 ]
 
@@ -53,9 +53,9 @@ def failures(
     data: DataOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Re-plan days with several depots and trips when vehicles are lost one after another, beside published figures.
+    """Re-plan days with several depots and trips when vehicles are lost one after another; compare published figures.
 
-    At each loss the rest of the day is planned anew, for --seconds at most, from what is known then. Exit 1 if a
+    At each loss the rest of the day is re-planned, in at most --seconds, from what is known then. Exit 1 if a
     required edge is left over.
     """  # fmt: skip
     from benchmarks.data import data_directory
@@ -76,7 +76,7 @@ def failures(
         raise typer.Exit(1 if solved.left or solved.wrong else 0)
     place = data_directory(data)
     if place is None:
-        missing = "no ../shared/data beside the project or from here; --data DIR names it"
+        missing = "no ../shared/data next to the project or the working directory; --data DIR names it"
         print(f"faultline: the failure scenarios are left out: {missing}", file=sys.stderr)
         raise typer.Exit(0)
     with ShownProgress() as shown:

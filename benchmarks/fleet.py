@@ -303,16 +303,15 @@ def fleet_report(flights: Sequence[FleetFlight], content: dict[str, object]) -> 
         for one in flights
     ]  # fmt: skip
     said = (
-        "One flight for each number of simulated ArduPilot vehicles, from the take-off on, with everything that "
-        "`faultline fly` does but the drawing on a terminal. The executor may use one core; the simulation and the "
-        f"planner's process have the others. At {flights[0].speedup:g} times real time, so that a second of the "
-        "computer's holds as many of the flight's; a core's share is for real time. `times pymavlink alone` is the "
-        "executor's processor time over what "
-        "pymavlink needs to decode the same frames and nothing else. `Blocked` is how late a task woke that sleeps for "
-        f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took. "
-        "`Garbage` are datagrams of noise, of damaged frames and of frames of strangers, a third each, that come from "
-        "a process of their own to the vehicles' ports; `state shown` is how old a state grew in a browser, in the "
-        "computer's time, before the next one came."
+        "One flight for each number of simulated ArduPilot vehicles, from take-off on, with everything that "
+        "`faultline fly` does except the terminal display. The executor may use one core; the simulation and the "
+        f"planner's process use the others. At {flights[0].speedup:g} times real time, so a second of computer time "
+        "holds that many seconds of flight; the share of a core is for real time. `times pymavlink alone` is the "
+        "executor's processor time divided by the time that pymavlink needs just to decode the same frames. `Blocked` "
+        f"is the delay in waking a task that sleeps for {1e3 * WATCH_S:g} ms at a time, in computer time: it includes "
+        "the time taken by other programs. `Garbage` is datagrams with noise, damaged frames and foreign frames, a "
+        "third each, sent by a separate process to the vehicles' ports; `state shown` is the age of the state in a "
+        "browser, in computer time, when the next one arrived."
     )
     parts = [machine_line(content), said, markdown_table(COLUMNS, rows)]
     if len(flights) > 1:

@@ -35,7 +35,7 @@ RadiiOption = Annotated[
     typer.Option(
         min=1,
         metavar="M",
-        help="Only segments within M metres of the depot; by default 700. Each one given is a plan.",
+        help="Only segments within M metres of the depot; by default 700. Each radius makes one plan.",
     ),
 ]
 SharesOption = Annotated[
@@ -44,8 +44,8 @@ SharesOption = Annotated[
         min=0.01,
         max=1,
         metavar="SHARE",
-        help="What the best MinMax plan's dearest route takes of the budget; by default 0.85. Plans take several "
-        "in turn.",
+        help="Share of the budget that the most expensive route of the best MinMax plan uses; by default 0.85. With "
+        "several, plans use them in turn.",
     ),
 ]
 JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")]
@@ -57,13 +57,14 @@ def prediction(
     varied: Annotated[
         int,
         typer.Option(
-            min=0, help="More of them, with vehicles that differ from their models: how often the predicted band held."
+            min=0,
+            help="More random routes, with vehicles that differ from their models: how often the predicted band held.",
         ),
     ] = 0,
     seed: SeedOption = 1,
     network: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="A network beside faultline's own; may be repeated."),
+        typer.Option(metavar="FILE", help="A network in addition to faultline's own; may be repeated."),
     ] = None,
     run: Annotated[
         list[Path] | None,
@@ -76,8 +77,8 @@ def prediction(
     """Measure how well time and energy of routes are predicted: planned against flown.
 
     Random routes of 5 to 40 segments, in wind and over hills, are flown nominally by the executor against simulated
-    vehicles in virtual time. The same seed gives the same figures for any number of processes. What a run does not
-    measure, with 0 routes, is kept in the files of `--out`. Exit 1 if a flight was not nominal: its routes are not
+    vehicles in virtual time. The same seed gives the same figures for any number of processes. Results that a run does
+    not measure, with 0 routes, stay in the files of `--out`. Exit 1 if a flight was not nominal: its routes are not
     counted.
     """
     from benchmarks.band import band_cases, fly_band
@@ -108,13 +109,15 @@ def window(
     network: NetworkOption = None,
     radius: RadiiOption = None,
     losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed times, each a flight.")] = 50,
-    before: Annotated[int, typer.Option(min=0, help="Losses before them: what is left over must be named.")] = 0,
+    before: Annotated[
+        int, typer.Option(min=0, help="Losses before the claimed times: segments left over must be named.")
+    ] = 0,
     seed: SeedOption = 1,
     autopilot: AutopilotOption = FIRST_AUTOPILOT,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
     tightness: SharesOption = None,
     budget: Annotated[
-        float, typer.Option(min=1, max=100, metavar="PCT", help="Of a full battery, of each vehicle.")
+        float, typer.Option(min=1, max=100, metavar="PCT", help="Budget of each vehicle, in percent of a full battery.")
     ] = 28.0,
     seconds: SecondsOption = 20.0,
     jobs: JobsOption = None,
@@ -123,8 +126,8 @@ def window(
 ) -> None:
     """Lose vehicles after the claimed time of a plan's re-plan window, and fly each loss to its end in virtual time.
 
-    A flight has kept the claim if everything was inspected and every other vehicle stands on its pad above its reserve.
-    Exit 1 if one has not, or if something that was left over before the claimed time is not named.
+    A flight keeps the claim if every segment was inspected and every other vehicle stands on its pad above its reserve.
+    Exit 1 if a flight does not, or if a segment that is left over after a loss before the claimed time is not named.
     """
     from benchmarks.machine import cores
     from benchmarks.progress import ShownProgress
@@ -163,18 +166,19 @@ def distance(
     flights: Annotated[int, typer.Option(min=1, help="Flights of 3 to 8 vehicles.")] = 100,
     seed: SeedOption = 1,
     uses: Annotated[
-        float, typer.Option(min=5, max=60, help="Percent of a battery that the dearest route uses; 75 may be used.")
+        float,
+        typer.Option(min=5, max=60, help="Percent of a battery that the most expensive route uses; the budget is 75."),
     ] = 45.0,
     autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
     out: Annotated[Path | None, make_output_option("distance.md and distance.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Fly fleets at the asked distance with faults, and measure where they truly inspect and how near they come.
+    """Fly fleets at the requested distance with faults, and measure their true inspection distance and separation.
 
-    The site says `same_distance`; vehicles are late, crash, fall silent and are brought home by pilots, in virtual
-    time. The same seed gives the same figures for any number of processes. Exit 1 if two vehicles came nearer than
-    promised, if a segment was inspected elsewhere than said, or if a flight could not be flown.
+    The site sets `same_distance`; vehicles are late, crash, lose their link and are flown home by pilots, in virtual
+    time. The same seed gives the same figures for any number of processes. Exit 1 if two vehicles came closer than
+    promised, if a segment was inspected at a different distance from the stated one, or if a flight could not be flown.
     """
     from benchmarks.distance import USES_PCT, fly_distance
     from benchmarks.distancepage import distance_document, report_distance
@@ -199,11 +203,12 @@ def pictures(
     out: Annotated[Path | None, make_output_option("pictures.md and pictures.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Fly fleets with cameras through faults and lost datagrams, and hold index and cards against what was taken.
+    """Fly fleets with cameras through faults and lost datagrams; compare index and cards with the pictures taken.
 
-    Simulated cameras write JPEGs by clocks that are off; `faultline images` is given them. A flight takes some ten
-    seconds of a core. The same seed gives the same figures for any number of processes. Exit 1 if an asset is called
-    seen that is not, or unseen without being named, if a picture is doubled or a file matched to another picture.
+    Simulated cameras with wrong clocks write JPEGs, which `faultline images` then matches. A flight takes about ten
+    seconds of a core. The same seed gives the same figures for any number of processes. Exit 1 if an asset is wrongly
+    reported as seen, if an unseen one is not named, if a picture is duplicated, or if a file is matched to the wrong
+    picture.
     """
     from benchmarks.parallel_flights import make_flight_cases
     from benchmarks.pictures import fly_pictures
@@ -221,7 +226,9 @@ def sorties(
     days: Annotated[int, typer.Option(min=1, help="Days of six vehicles from four bases.")] = 2,
     radius: Annotated[
         float | None,
-        typer.Option(min=1.0, metavar="M", help="Only what is within this of the network's middle; by default all."),
+        typer.Option(
+            min=1.0, metavar="M", help="Only segments within M metres of the network's centre; by default all."
+        ),
     ] = None,
     network: Annotated[
         Path | None,
@@ -229,22 +236,23 @@ def sorties(
             exists=True,
             dir_okay=False,
             metavar="FILE",
-            help="Another network: eight hours from the four places with most within 5 km, packs for some 50 minutes.",
+            help="Another network: eight hours from the four places with the most segments within 5 km, packs for "
+            "about 50 minutes.",
         ),
     ] = None,
     seed: SeedOption = 1,
-    iterations: Annotated[int, typer.Option(min=1, help="Of the search for each day's plan.")] = 20_000,
+    iterations: Annotated[int, typer.Option(min=1, help="Iterations of the search for each day's plan.")] = 20_000,
     autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
     out: Annotated[Path | None, make_output_option("sorties.md and sorties.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Fly days of some fifty sorties with losses, bad packs and a ground station that dies, and judge them by truth.
+    """Fly days of about fifty sorties with losses, bad packs and a ground station that dies; judge by ground truth.
 
     Each day is planned as `plan --day` does and flown in virtual time: a crew changes packs at four bases, three
-    vehicles fall, the ground station is killed once. A day takes about two minutes of a core. The same seed gives the
-    same figures for any number of processes. Exit 1 if a counted segment was not flown, if anybody landed below its
-    reserve or off its pad, if two vehicles came too near, or if a day did not come to its end.
+    vehicles crash, the ground station is killed once. A day takes about two minutes of a core. The same seed gives the
+    same figures for any number of processes. Exit 1 if a counted segment was not flown, if a vehicle landed below its
+    reserve or off its pad, if two vehicles came too close, or if a day did not finish.
     """
     from benchmarks.sorties import SortiesCase, fly_sorties, sorties_over
     from benchmarks.sortiespage import report_sorties, sorties_document
@@ -266,10 +274,10 @@ def radio(
     radio: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="PROFILE", help="As `simulate --radio` takes it; may be repeated. By default six of them."
+            metavar="PROFILE", help="A profile of `simulate --radio`; may be repeated. By default six of them."
         ),
     ] = None,
-    vehicles: Annotated[int, typer.Option(min=2, max=8, help="Vehicles behind it.")] = 4,
+    vehicles: Annotated[int, typer.Option(min=2, max=8, help="Vehicles behind the radio.")] = 4,
     flights: Annotated[int, typer.Option(min=1, help="Flights over each radio with each autopilot.")] = 1,
     seed: SeedOption = 1,
     autopilot: AutopilotsOption = None,
@@ -279,8 +287,8 @@ def radio(
 ) -> None:
     """Fly a fleet behind one telemetry radio and lose a vehicle: when are missions and re-plans on board?
 
-    The radio is emulated, and flights are in virtual time; one takes about half a minute of a core. The same seed gives
-    the same figures for any number of processes. Exit 1 if a vehicle that is well was called lost, or a flight could
+    The radio is emulated, and flights are in virtual time; a flight takes about half a minute of a core. The same seed
+    gives the same figures for any number of processes. Exit 1 if a healthy vehicle was declared lost, or a flight could
     not be flown.
     """
     from benchmarks.radio import RADIOS, fly_over_radio, make_radio_cases, radio_document, report_radio

@@ -16,7 +16,10 @@ AutopilotsOption = Annotated[
 ]
 DataOption = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."),
+    typer.Option(
+        metavar="DIR",
+        help="The benchmark data; by default ../shared/data next to the project or the working directory.",
+    ),
 ]
 
 

@@ -11,16 +11,16 @@ from benchmarks.pictures import CLOCK_S, EVERY_M, LOST_SHARE, VEHICLES, Pictures
 from benchmarks.report import Report, Table, list_lines
 from benchmarks.store import Json
 
-TITLE = "Flights that have something to see"
+TITLE = "Flights with cameras"
 INTRODUCTION = (
-    "`{command}`: {flights} flights in virtual time of {least} to {most} vehicles over parts of faultline's own"
-    " network, both dialects by turns, with a camera of the MAVLink protocol on a gimbal or, on ArduPilot, one that the"
-    " autopilot triggers. Every span asks for a picture each {every_m:g} m, some pylons for viewpoints around them;"
-    " on half of the flights these lie 2 m above and 6 m below the tops, and on half of those the vehicle turns its"
-    " nose to a region of interest."
-    " {lost:.0%} of all datagrams are lost each way; one or two vehicles crash, fall silent, are brought home, or their"
-    " cameras, cards and gimbals fail. The cameras write JPEGs, half of the fleets with no position in them, by clocks"
-    " that are off by up to {clock_min:g} minutes and by whole hours of a zone; all cameras have one name and number."
+    "`{command}`: {flights} flights in virtual time of {least} to {most} vehicles over parts of faultline's own "
+    "network, the dialects alternating, with a camera of the MAVLink protocol on a gimbal or, on ArduPilot, one that "
+    "the autopilot triggers. Every span requires a picture each {every_m:g} m, some pylons require viewpoints around "
+    "them; on half of the flights these lie 2 m above and 6 m below the tops, and on half of those the vehicle turns "
+    "its nose to a region of interest. {lost:.0%} of all datagrams are lost each way; one or two vehicles crash, lose "
+    "their link, are flown home, or their cameras, cards and gimbals fail. The cameras write JPEGs, half of the fleets "
+    "without positions in them, with clocks that are wrong by up to {clock_min:g} minutes and by whole hours of a "
+    "zone; all cameras have one name and number."
 )
 COLUMNS = ("what", "count")
 
@@ -37,7 +37,10 @@ def _rows(content: Mapping[str, Any]) -> Rows:
         ("not seen, and named as left over", "named"),
         ("pictures on the cards", "taken"),
         ("of them in the index", "indexed"),
-        ("lacking, of a vehicle or camera that is said to have failed, or said once by a wired one", "excused"),
+        (
+            "missing, of a vehicle or camera that was reported as failed, or reported once by a wired one",
+            "excused",
+        ),
         ("files matched to their own row of the index", "matched"),
     )
     return [(words, str(content[name])) for words, name in told]
@@ -46,9 +49,9 @@ def _rows(content: Mapping[str, Any]) -> Rows:
 def _summarize_flights(content: Mapping[str, Any]) -> str:
     wrong = len(content["wrong"]) + len(content["not_flown"])
     return (
-        "Held against the pictures that were really taken: no asset called seen that they do not show, none unseen "
-        "and unnamed, no row of a picture that nobody took, none taken twice in one pass, no file matched to another "
-        f"picture, none of a known picture left out. {wrong or 'Nothing'} went wrong."
+        "Compared with the pictures that were really taken: no asset reported as seen that they do not show, none "
+        "unseen and unnamed, no row for a picture that was not taken, none for one picture twice in one pass, no file "
+        f"matched to another picture, none of a known picture omitted. {wrong or 'Nothing'} went wrong."
     )
 
 
@@ -67,7 +70,7 @@ def report_pictures(content: Mapping[str, Any]) -> Report:
         about,
         summary,
         Table(COLUMNS, _rows(content), TITLE),
-        Table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
+        Table(("faults", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
         *list_lines("## By name", failures),
         f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
     )

@@ -28,23 +28,24 @@ TITLE = "Planned and flown"
 INTRODUCTION = (
     "`{command}`: {routes} routes of 5 to 40 segments over {networks}, flown by the executor against simulated "
     "vehicles in virtual time; half of the flights in a wind of 1 to 6 m/s, half of those over a network that knows "
-    "its heights over made-up hills of 10 to 60 m. Time is from arming to disarming, energy all that the simulated"
-    " battery really gave. What is planned is the estimate of every leg of the mission on board. An error is the size"
-    " of flown / planned - 1. The planner's own figures, which plan files hold, are beside it."
+    "its heights over made-up hills of 10 to 60 m. Time is from arming to disarming, energy is the true discharge of "
+    "the simulated battery. Planned is the estimate of every leg of the mission on board. An error is the size of "
+    "flown / planned - 1. The planner's own figures, which plan files hold, are shown next to it."
 )
 VARIED = (
-    "`{command}`: {routes} more routes, of {segments} segments, with vehicles that differ from what is known of them,"
-    " each drawn anew by the seed: what it uses is normal about the energy model's figure with {consumption:g} % (cut"
-    " off at {most:g} standard deviations), what its pack holds about the data sheet's with {capacity:g} %; it flies"
-    " up to {slower:g} % slower than it is told, evenly; each component of the wind is normal about what the site says"
-    " with {wind:g} m/s, and the site says 0 to 6 m/s; it starts with 90 to 100 % and says whole percents, rounded by"
-    " PX4 and cut off by ArduPilot. The band is the one shown with the landing percentage, which should hold nine"
-    " flights of ten; what comes in is what the simulated battery really has left when the motors stop. A tenth is"
-    " taken at the first end of a leg in it."
+    "`{command}`: {routes} more routes, of {segments} segments, with vehicles that differ from their data, each drawn "
+    "at random from the seed: the consumption is normal about the energy model's figure with {consumption:g} % (cut "
+    "off at {most:g} standard deviations), the pack's capacity about the data sheet's with {capacity:g} %; it flies up "
+    "to {slower:g} % slower than commanded, uniformly; each component of the wind is normal about the site's figure "
+    "with {wind:g} m/s, and the site says 0 to 6 m/s; it starts with 90 to 100 % and reports whole percents, rounded "
+    "by PX4 and cut off by ArduPilot. The band is the one shown with the landing percentage, which should hold in nine "
+    "flights of ten; it is compared with the true charge of the simulated battery when the motors stop. Each tenth of "
+    "the route is judged at the first end of a leg in it."
 )
 SAYINGS = (
-    "The reserve lies {low:g} to {high:g} points below the landing that the plan promises, evenly. Said is what the"
-    " ground station says at any time of a flight: its warning, and what would be a fault; nobody acts on it here."
+    "The reserve lies {low:g} to {high:g} points below the landing percentage that the plan promises, uniformly. "
+    "Counted are the messages of the ground station at any time of a flight: its warning, and the reason that would be "
+    "a fault; in this measurement no vehicle acts on them."
 )
 RECORDED = "`{command}`: whole routes of recorded flights, as their reports have them."
 WORST = 10
@@ -124,9 +125,9 @@ def _nominal(content: Mapping[str, Any]) -> tuple[str | Table, ...]:
         machine_line(content["machine"]),
         said.format(command=content["command"], routes=content["routes"], networks=", ".join(content["networks"])),
         Table(ERRORS, _errors(content), f"{TITLE}: {content['routes']} routes"),
-        "## By what a leg is for",
-        "Sums over all routes, as the ground station heard legs begin and end; battery by what was reported of it.",
-        Table(PHASES, _phases(content), "By what a leg is for"),
+        "## By purpose of a leg",
+        "Sums over all routes, as the ground station observed legs begin and end; battery as reported.",
+        Table(PHASES, _phases(content), "By purpose of a leg"),
         "## The largest errors",
         Table(ROUTES, _worst(content), "The largest errors"),
         f"**{len(wrong)} flights were not nominal, and are not counted: {'; '.join(wrong)}.**" if wrong else "",

@@ -13,20 +13,20 @@ from benchmarks.reallogs import real_summary
 from benchmarks.store import Json
 
 INTRODUCTION = (
-    "`faultline bench detection --logs FOLDER`: {logs} logs of real aircraft, not flown as tests, of which "
-    "{followed} are followed and {flown} hold a flight: {hours:.2f} flight hours of {aircraft} aircraft. Every "
-    "declaration is held against what the log itself says, read by pymavlink and pyulog and by none of the code "
-    "that is judged: who ordered a mode (COMMAND_ACK, SET_MODE, MODE.Rsn, the mode switch's channel), texts and "
-    "records of failsafes and crashes (STATUSTEXT, MSG, ERR), HEARTBEAT.system_status, arming, heights, attitude, "
-    "gaps in the vehicle's own frames, and what the pack did until the flight's end, by cell. A declaration that "
-    "a line of the log contradicts is refuted, a false alarm; one that the log neither confirms nor contradicts "
-    "is undecided, and counted apart. Intervals are of 95 %, by drawing aircraft, for flights of one aircraft go "
-    "wrong together; where nothing is refuted they are Poisson's, as for independent flights."
+    "`faultline bench detection --logs FOLDER`: {logs} logs of real aircraft, not flown as tests, of which {followed} "
+    "are followed and {flown} hold a flight: {hours:.2f} flight hours of {aircraft} aircraft. Every declaration is "
+    "compared with the log's own statements, read by pymavlink and pyulog without any of the code that is judged: the "
+    "source of a mode order (COMMAND_ACK, SET_MODE, MODE.Rsn, the mode switch's channel), texts and records of "
+    "failsafes and crashes (STATUSTEXT, MSG, ERR), HEARTBEAT.system_status, arming, heights, attitude, gaps in the "
+    "vehicle's own frames, and the behaviour of the pack, by cell, until the end of the flight. A declaration that a "
+    "line of the log contradicts is refuted, a false alarm; one that the log neither confirms nor contradicts is "
+    "undecided, and counted separately. Intervals are 95 %, by bootstrap over aircraft, because errors in flights of "
+    "one aircraft are correlated; where nothing is refuted they are Poisson intervals, as for independent flights."
 )
 STATED = (
-    "Every crash, battery failsafe and link gap that a log states of a vehicle that is armed. In time is with its "
-    "kind and not later than 2 s after the text (after the time-out of 4.5 s for a gap, in which others were "
-    "heard); late is up to a minute."
+    "Every crash, battery failsafe and link gap that a log states for an armed vehicle. In time means declared with "
+    "its kind, at most 2 s after the text (for a gap in which others were received: after the time-out of 4.5 s); late "
+    "means within a minute."
 )
 
 
@@ -45,7 +45,7 @@ def real_markdown(content: Mapping[str, Any]) -> str:
             name: content[name] for name in ("logs", "followed", "flown", "aircraft")
         }),
         markdown_table(("", *NAMES.values()), _head(content)),
-        f"The detector of a few lines is {FEW_LINES}; it says each kind once in a log.",
+        f"The detector of a few lines is {FEW_LINES}; it reports each kind once in a log.",
         "## By kind",
         markdown_table(
             ("", "declared", "confirmed", "refuted", "undecided", "refuted in 50 flight hours (95 %)"),
@@ -103,7 +103,7 @@ def _render_statements(content: Mapping[str, Any]) -> str:
                 row["before_the_text"], figure(row["lead_s_median"]),
             ))  # fmt: skip
     return markdown_table(
-        ("", "stated", "in time", "late", "missed", "of them in logs not followed", "delay median (s)", "most (s)",
+        ("", "stated", "in time", "late", "missed", "in logs not followed", "delay median (s)", "most (s)",
          "before the text", "lead median (s)"),
         rows,
     )  # fmt: skip

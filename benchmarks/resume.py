@@ -250,13 +250,13 @@ COLUMNS = (
 def resume_report(rows: list[ResumedFlight], content: dict[str, object]) -> str:
     """Return the page."""
     said = (
-        "Seconds from the call of `faultline resume DIR --yes` until its heartbeat goes out, until the state is there "
-        "and supervision goes on, and until every simulated vehicle was asked what it carries (which takes at least "
-        "one heartbeat of theirs). The ground station was killed when its last checkpoint was oldest; the "
-        "simulation goes on beside all of it. `Written in` is "
-        "the processor time of the thread that makes a checkpoint, without the disk's; meanwhile a task slept for "
-        f"{1e3 * LOOK_S:g} ms at a time. `Reading it whole` is processor time without a checkpoint, reckoned from a "
-        "line's share of the minutes that were flown. The hours are the flight's own messages, repeated before it."
+        "Seconds from the call of `faultline resume DIR --yes` until its HEARTBEAT is sent, until the state is "
+        "restored and supervision continues, and until every simulated vehicle was asked for its mission (which takes "
+        "at least one HEARTBEAT from it). The ground station was killed just before a new checkpoint was due; the "
+        "simulation continues at the same time. `Written in` is the processor time of the thread that makes a "
+        f"checkpoint, without the disk; at the same time a task slept for {1e3 * LOOK_S:g} ms at a time. `Reading it "
+        "whole` is the processor time without a checkpoint, estimated from the time per line in the minutes flown. "
+        "The hours of log are the flight's own messages, repeated before it."
     )
     shown = [
         (
@@ -266,9 +266,7 @@ def resume_report(rows: list[ResumedFlight], content: dict[str, object]) -> str:
         )
         for one in rows
     ]  # fmt: skip
-    return markdown_page(
-        "A flight taken up again after hours", machine_line(content), said, markdown_table(COLUMNS, shown)
-    )
+    return markdown_page("A flight resumed after hours", machine_line(content), said, markdown_table(COLUMNS, shown))
 
 
 def make_resume(

@@ -315,7 +315,7 @@ def _judge_day(
 def went_wrong(day: SortiesDay) -> list[str]:
     """Return a day's errors, line by line."""
     lines = [day.wrong] if day.wrong else []
-    lines += [f"segment {segment} counts, and nobody flew along it" for segment in day.unproven]
+    lines += [f"segment {segment} counts, but no vehicle flew along it" for segment in day.unproven]
     lines += [f"below its reserve of {day.reserve_pct:g} %: {landing}" for landing in day.below]
     lines += [*day.strays, *day.mistakes]
     if day.nearest_m < APART_M:

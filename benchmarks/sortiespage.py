@@ -25,15 +25,15 @@ from benchmarks.virtual_day import AWAY_S
 
 TITLE = "Days of many sorties, flown"
 INTRODUCTION = (
-    "`{command}`: days planned as `plan --day` plans them and flown by the executor's own runtime in virtual time,"
-    " dialects by turns. {vehicles} vehicles stand at {bases} bases of {network}, with packs of {pack_ah:g} Ah, and"
-    " inspect at {speed_m_s:g} m/s; a day has {hours} hours. A crew changes packs and says so; two packs hold {poor:g}"
-    " and {short:g} % where full ones are expected. {losses} vehicles fall at random times, and once the ground"
-    " station dies for {away_s:g} s and is taken up again from its state as a checkpoint keeps it. What came of it is"
-    " held against the simulator's own places and charges."
+    "`{command}`: days planned as `plan --day` plans them and flown by the executor's own runtime in virtual time, the "
+    "dialects alternating. {vehicles} vehicles stand at {bases} bases of {network}, with packs of {pack_ah:g} Ah, and "
+    "inspect at {speed_m_s:g} m/s; a day has {hours} hours. A crew changes packs and reports it; two packs hold "
+    "{poor:g} and {short:g} % although full ones are expected. {losses} vehicles crash at random times, and once the "
+    "ground station dies for {away_s:g} s and resumes from its checkpoint. The result is compared with the simulator's "
+    "true positions and charges."
 )
 COLUMNS = ("day", "autopilot", "sorties", "planned", "hours", "inspected", "named", "least charge (%)", "nearest (m)")
-HAPPENED = ("day", "fell", "ground station died after (s)", "packs that held too little")
+HAPPENED = ("day", "crashed", "ground station died after (s)", "packs that held too little")
 
 
 def sorties_document(days: Sequence[SortiesDay], command: str, seed: int, over: SortiesOver = OWN) -> Json:
@@ -75,9 +75,9 @@ def _summarize_days(content: Mapping[str, Any]) -> str:
     wrong, days = len(content["wrong"]), content["days"]
     replans, swaps = (sum(day[what] for day in days) for what in ("replans", "swaps"))
     return (
-        f"The charge is the least at any landing, the distance that of the nearest two in the air. Held against the "
-        f"simulator: every counted segment flown end to end by who is said to have, nobody below the "
-        f"reserve at a landing, any two at least {APART_M:g} m apart in the air, everybody on its own pad, every "
+        "The charge is the least at any landing, the distance that of the closest two vehicles in the air. Compared "
+        "with the simulator: every counted segment flown end to end by the reported vehicle, no vehicle below the "
+        f"reserve at a landing, any two at least {APART_M:g} m apart in the air, every vehicle on its own pad, every "
         f"segment inspected or named. {replans} re-plans, {swaps} packs changed. {wrong or 'Nothing'} went wrong."
     )
 

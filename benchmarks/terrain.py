@@ -100,10 +100,10 @@ def terrain_page(content: dict[str, object], steps: list[MeasuredStep]) -> str:
         machine_line(made) if isinstance(made, dict) else "",
         f"`faultline bench terrain`: {content['spans']} spans of {SPAN_M:g} m in {LINES} lines, {VEHICLES} vehicles "
         f"with large batteries, poles' heights from a raster of {content['cells']} cells of one second of arc (GeoTIFF "
-        f"in tiles, {content['raster_mb']} MB on the disk). Each step is a process of its own and begins with the "
-        "files; processor time has the start of the interpreter in it, and memory is the largest that was resident, "
+        f"in tiles, {content['raster_mb']} MB on the disk). Each step is a separate process that starts from the "
+        "files; processor time includes the start of the interpreter, and memory is the largest resident size, "
         "libraries included.",
-        markdown_table(("step", "s", "processor, s", "peak MB", "what came of it"), rows),
+        markdown_table(("step", "s", "processor, s", "peak MB", "result"), rows),
     )
 
 

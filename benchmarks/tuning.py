@@ -128,7 +128,7 @@ def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules, jobs: int = 1) -
         scores = [one for one in map(_swept, work) if one]
     if not scores:
         raise LogError(
-            "LOG: expected logs whose truths lie beside them, in *_truth.json, or that say themselves what happened"
+            "LOG: expected logs with truth files next to them (*_truth.json), or logs that state what happened"
         )
     settings = [*_settings(rules), ("few lines", PERCENT, 1.0, rules)]
     return [

@@ -45,12 +45,12 @@ WATCH_S = 0.02
 
 
 HEAD = (
-    "Seconds from the first message to the acknowledgement, median of the accepted uploads; behind it how many of "
-    "{repeats} were accepted. faultline and MAVSDK {mavsdk} (MissionRaw, default time-outs) upload to the same "
-    "simulated vehicle in the same run. Where every item was asked for and the acknowledgement got lost, faultline "
-    "reads the mission back, which is in its time. Loss and delay are each way; the simulation delivers delayed "
-    "datagrams in steps of 50 ms. The floor is one round trip for the count and for each item without loss: the delay, "
-    "and the fastest answer measured without any. All vehicles and both programs share one process."
+    "Seconds from the first message to the acknowledgement, median of the accepted uploads; after it the number of "
+    "uploads out of {repeats} that were accepted. faultline and MAVSDK {mavsdk} (MissionRaw, default time-outs) upload "
+    "to the same simulated vehicle in the same run. If every item was requested and the acknowledgement got lost, "
+    "faultline reads the mission back, and its time includes that. Loss and delay are each way; the simulation "
+    "delivers delayed datagrams in steps of 50 ms. The floor is one round trip for the count and for each item without "
+    "loss: the delay, and the fastest answer measured without delay. All vehicles and both programs share one process."
 )
 TAIL = (
     "`faultline bench upload --seed {seed}`, {took_s} s; Python {python}, {cores} cores; the longest time for which "
@@ -287,7 +287,7 @@ def markdown_of(rows: Sequence[Row], content: dict[str, object]) -> str:
     for autopilot in dict.fromkeys(row.cell.autopilot for row in rows):
         lines += [
             "", f"## {autopilot}", "",
-            "| items | delay (ms) | loss (%) | floor (s) | faultline (s) | MAVSDK (s) | why MAVSDK's others failed |",
+            "| items | delay (ms) | loss (%) | floor (s) | faultline (s) | MAVSDK (s) | MAVSDK failures |",
             "| ---: | ---: | ---: | ---: | ---: | ---: | --- |",
         ]  # fmt: skip
         lines += [_line(row) for row in rows if row.cell.autopilot == autopilot]

@@ -36,7 +36,7 @@ def test_a_small_day_is_flown_with_changed_packs_losses_and_a_dead_ground_statio
     ("spoilt", "line"),
     [
         ({"wrong": "the supervision did not end"}, "the supervision did not end"),
-        ({"unproven": (4,)}, "segment 4 counts, and nobody flew along it"),
+        ({"unproven": (4,)}, "segment 4 counts, but no vehicle flew along it"),
         ({"below": ("uav1 after 60 s with 9.0 %",)}, "below its reserve of 15 %: uav1 after 60 s with 9.0 %"),
         ({"nearest_m": 4.99}, "4.99 m apart: uav1 and uav2 after 9413 s"),
         ({"inspected": 89}, "1 segments neither inspected nor named"),

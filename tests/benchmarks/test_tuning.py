@@ -71,4 +71,4 @@ def test_logs_that_say_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str
     with pytest.raises(SystemExit) as left:
         main.main(["bench", "tune", str(tmp_path)])
     assert left.value.code == 2
-    assert "expected logs whose truths lie beside them" in capsys.readouterr().err
+    assert "expected logs with truth files next to them" in capsys.readouterr().err
