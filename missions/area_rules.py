@@ -158,7 +158,7 @@ def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
         if away:
             known = any(one.area.name == UNKNOWN_GROUND for one in setup.kept_out)
             where = ", over ground that is known" if known else ""
-            reasons[number] = f"no way leads to it around the areas{where}"
+            reasons[number] = f"no path leads to it around the areas{where}"
     for number in sorted(reasons):
         yield Unreachable(number, reasons[number], setup.network.segment_name(number))
 
@@ -177,7 +177,7 @@ def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArr
     pads_m = np.array([(pad.east_m, pad.north_m) for pad in setup.pads])
     for number in np.flatnonzero(areas.is_cut_off(pads_m[0], pads_m)).tolist():
         first, pad = setup.pads[0].vehicle, setup.pads[number].vehicle
-        raise SafetyError(f"pad of {pad}: expected a way from the pad of {first}, got none around the areas")
+        raise SafetyError(f"pad of {pad}: expected a path from the pad of {first}, got none around the areas")
     return areas.is_cut_off(pads_m[0], places_m)
 
 

@@ -149,7 +149,7 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
             found.append(f"{path.vehicle} on leg {number} ({phase_name}) comes {words}{others}")
         low = _find_return_shortfall(setup, path)
         if low is not None:
-            found.append(f"{path.vehicle} on its own way home, level, comes {low.words}")
+            found.append(f"{path.vehicle} on its own RTL, level, comes {low.words}")
     return found
 
 
@@ -278,7 +278,7 @@ def find_terrain_shortfall(setup: FlightSetup, points: FloatArray) -> ClearanceS
     unknown = np.isnan(over_m)
     if unknown.any():
         where = describe_ground_place(points[int(unknown.argmax()), :2], setup.frame, setup.network)
-        return ClearanceShortfall(math.inf, f"over ground that {elevation.source} does not know, {where}")
+        return ClearanceShortfall(math.inf, f"over ground that {elevation.source} does not cover, {where}")
     worst = int(over_m.argmin())
     short_m = kept_m - float(over_m[worst])
     if short_m <= ROUNDING_M:

@@ -133,8 +133,8 @@ def _describe_third_coordinate(pylons: Sequence[Pylon]) -> str:
     if known is None:
         return ""
     return (
-        f" (the third coordinate of {known.id!r}, {known.third_m:g}, is not taken for one: whether it is ground, wire "
-        "or top, and above what, is not said)"
+        f" (the third coordinate of {known.id!r}, {known.third_m:g}, is not used: the file does not state whether it "
+        f"is ground, wire or top, nor above what)"
     )
 
 
@@ -266,7 +266,7 @@ def add_ground_heights(network: Network, elevation: Elevation, *, depot_known: b
         if abs(off_m) > _gross_error_m(elevation) + allowed_m[-1]:
             raise NetworkError(f"{network.source}: depot: alt_m: expected the ground above mean sea level, got {words}")
         if abs(off_m) > _odd_error_m(elevation) + allowed_m[-1]:
-            found.append(f"the depot is said to be at {words}")
+            found.append(f"the depot is given at {words}")
     found += _compare_elevations(network, elevation, ground_m[:-1], allowed_m[:-1])
     pylons = tuple(
         pylon if pylon.elevation_m is not None else replace(pylon, elevation_m=round(raster_m, 1))

@@ -167,7 +167,7 @@ def read_day_plan(path: Path | str) -> DayPlanFile:
     """
     content = read_any_plan(path)
     if isinstance(content, PlanFile):
-        raise PlanFileError(f"{path}: days: expected a plan of days, got that of a single flight")
+        raise PlanFileError(f"{path}: days: expected a day plan, got the plan of a single flight")
     return content
 
 

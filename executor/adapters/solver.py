@@ -228,7 +228,7 @@ class SolverProcess:
         """End the worker, and kill it if it hangs."""
         self._cancelled.value = 2**62
         if await asyncio.to_thread(self._worker.end):
-            self._tell("the solver did not end when it was told to, and was killed")
+            self._tell("the solver did not stop on request, and was killed")
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         """Return the best routes found within the limit; no routes if the worker died or was cancelled."""

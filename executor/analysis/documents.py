@@ -367,7 +367,7 @@ class FlightReport(Document):
     uncovered_names: tuple[str, ...] = ()
     """Asset names of these segments."""
     left_over: tuple[Whole, ...] = ()
-    """Ids of those that the first plan left for the next sortie."""
+    """Ids of those that the first plan left for the next flight."""
     unreachable: tuple[UnreachableRow, ...] = ()
     """Those that lie in or behind a no-fly area."""
     segment_names: dict[str, str] = Field(default={})
@@ -439,7 +439,7 @@ class AskedVehicle(Document):
 class AskedVehicles(Document):
     """Vehicles queried before the flight, with their answers."""
 
-    expected = "what vehicles said before a flight"
+    expected = "what vehicles reported before a flight"
     format: Literal["faultline-vehicles/1"] = "faultline-vehicles/1"
     vehicles: tuple[AskedVehicle, ...]
     checks: tuple[CheckRow, ...] = ()

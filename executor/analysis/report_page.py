@@ -129,7 +129,7 @@ def _describe_facts(record: FlightRecord, report: FlightReport) -> str:
         facts.append("not inspected: " + ", ".join(segment.display_name for segment in record.uncovered_segments))
     if report.left_over:
         names = [report.segment_names.get(str(segment), str(segment)) for segment in report.left_over]
-        facts.append(f"of these, planned for the next sortie: {', '.join(names)}")
+        facts.append(f"of these, planned for the next flight: {', '.join(names)}")
     facts += formatting.describe_unreachable(record.never, len(record.never))
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 
@@ -154,8 +154,8 @@ def _describe_speeds(report: FlightReport) -> list[str]:
         return []
     text = (
         f"segments were flown at {format_value(sum(row.speed_mean_m_s for row in rows) / len(rows))} m/s on average "
-        f"({format_value(report.inspection_speed_m_s)} m/s were asked for), at most {format_value(max(highest))} m/s "
-        f"and at most {format_value(max(row.deviation_max_m for row in rows))} m beside the track"
+        f"({format_value(report.inspection_speed_m_s)} m/s were requested), at most {format_value(max(highest))} m/s "
+        f"and at most {format_value(max(row.deviation_max_m for row in rows))} m off the track"
     )
     return [text]
 

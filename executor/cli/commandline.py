@@ -51,7 +51,7 @@ COMMANDS: Mapping[str, str] = {
 """Module and function of each command."""
 BENCH = (
     "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
-    "what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned."
+    "the load of a fleet; the time to resume a flight; the faults that the watchpoints detect; planned against flown."
 )
 """Help of the benchmarks where they are installed."""
 

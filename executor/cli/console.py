@@ -289,7 +289,7 @@ def _describe_last_place(at: PositionView) -> str:
 
 def _describe_other_control(hands: TakenView) -> str:
     if hands.returned:
-        return "its pilot has put it back on its mission; include it to go on"
+        return "its pilot has put it back on its mission; include it to continue"
     if hands.kept_s > 0.0:
         return f"not commanded; its segments are kept for {formatting.format_duration(hands.kept_s)}"
     return "not commanded; its segments are released"

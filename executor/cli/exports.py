@@ -217,22 +217,22 @@ def export(
         typer.Option(
             "--format",
             help="qgc: QGroundControl .plan; waypoints: Mission Planner .waypoints; each a file per vehicle. kml, "
-            "geojson, gpx: one file with the line, the pads and all routes, of a flight also with what was flown. "
-            "Without it qgc, and kml of a flight.",
+            "geojson, gpx: one file with the line, the pads and all routes, for a flight also the flown tracks. By "
+            "default qgc for a plan and kml for a flight.",
         ),
     ] = None,
     autopilot: Annotated[
         AutopilotName | None,
         typer.Option(
-            help="Autopilot of all vehicles, for qgc and waypoints; without it each vehicle's own, as the plan has it."
+            help="Autopilot of all vehicles, for qgc and waypoints; by default each vehicle's own, from the plan."
         ),
     ] = None,
     site: Annotated[
         Path | None,
         typer.Option(
             metavar="SITE",
-            help="Its site file, for a plan over [terrain], with [[look]], or from [[base]] and [[place]]: the ground, "
-            "the cameras and the pads are not in the plan.",
+            help="The plan's site file, for a plan over [terrain], with [[look]], or from [[base]] and [[place]]: "
+            "the plan file does not hold the ground, the cameras and the pads.",
         ),
     ] = None,
 ) -> None:

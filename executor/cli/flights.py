@@ -114,7 +114,8 @@ def simulate(
         ),
     ] = False,
     cards: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write what the site's cameras take there, as JPEGs with EXIF.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the pictures of the site's cameras there, as JPEGs with EXIF."),
     ] = None,
     radio: options.RadioOption = "",
 ) -> None:
@@ -134,10 +135,12 @@ def simulate(
 @options.flatten_options
 def fly(
     asked: typer.Context,
-    site: Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML), or a day plan beside --site.")],
+    site: Annotated[
+        Path, typer.Argument(metavar="SITE", help="The site file (TOML), or a day plan together with --site.")
+    ],
     *,
     of: Annotated[
-        Path | None, typer.Option("--site", metavar="SITE", help="The site file, where a day plan is named first.")
+        Path | None, typer.Option("--site", metavar="SITE", help="The site file, if the argument is a day plan.")
     ] = None,
     plan: options.FlownPlanOption = None,
     after: options.FlownAfterOption = None,
@@ -145,17 +148,15 @@ def fly(
     planning: options.PlanOptions,
     run: options.RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
-    on_page: Annotated[
-        bool, typer.Option("--on-page", help="Ask on the page alone: nobody sits at this terminal, if there is one.")
-    ] = False,
+    on_page: Annotated[bool, typer.Option("--on-page", help="Ask only on the page, not on a terminal.")] = False,
     quiet: options.QuietOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.
 
     Without --plan it plans as `plan` does with the same options; the checklist shows the options in force. A day plan,
-    as `plan --day` writes it, is flown sortie by sortie: each after the first by the crew's word, when its pack is
-    changed. With --after it goes on with the next day of that plan, without what is inspected already.
+    as `plan --day` writes it, is flown sortie by sortie: each after the first starts when the crew confirms the pack
+    change. With --after the next day of that plan is flown, without the segments already inspected.
     """
     site, plan = _select_site_and_plan(site, of, plan)
     wanted = planning.build_request()
@@ -184,8 +185,8 @@ def fly_day(
 ) -> None:
     """Plan a working day of sorties from the bases of the site, and fly it.
 
-    With --after it goes on with what an earlier day left, and its report covers the days before it too. `plan --day`
-    makes the same plan to look at first; `fly` flies that.
+    With --after it continues with the segments that an earlier day left over, and its report covers the earlier days
+    too. `plan --day` makes the same plan for a check beforehand; `fly` flies that plan.
     """
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     made = _PreparedSite(site, learned, after, console)
@@ -236,7 +237,7 @@ def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tu
             raise SiteError(f"{first}: --site: expected the site file of this day plan")
         return first, plan
     if plan is not None or not is_day_plan(first):
-        raise SiteError(f"{first}: expected a day plan, and no --plan, beside --site {of}")
+        raise SiteError(f"{first}: expected a day plan, and no --plan, together with --site {of}")
     return of, first
 
 
@@ -317,7 +318,7 @@ def _finish_flight(request: FlightRequest, report: FlightReport, *, as_json: boo
             _print_line(f"not inspected: {', '.join(report.uncovered_names)}")
         if report.left_over:
             names = (report.segment_names[str(segment)] for segment in report.left_over)
-            _print_line(f"of these, planned for the next sortie: {', '.join(names)}")
+            _print_line(f"of these, planned for the next flight: {', '.join(names)}")
     _write_next_flight(request, report, quiet=as_json)
     _show_flight(request, report)
     if not report.finished:
@@ -343,7 +344,7 @@ def _write_next_flight(request: FlightRequest, report: FlightReport, *, quiet: b
             return
         write_plan(path, plan)
     except (OSError, *OUR_ERRORS) as error:
-        _print_line(f"faultline: the next sortie could not be planned: {error}", to=sys.stderr)
+        _print_line(f"faultline: the next flight could not be planned: {error}", to=sys.stderr)
         return
     if not quiet:
         _print_line(describe_next_flight(plan, path))

@@ -31,13 +31,15 @@ class PlaceDestination(StrEnum):
 
 
 def images(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The files of the cards, in any folders below it.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder with the files of the cards, in any subfolders.")
+    ],
     run: Annotated[Path, typer.Option("--run", metavar="DIR", help="The run directory of the flight.")],
     write: Annotated[
         PlaceDestination,
         typer.Option(
             "--write",
-            help="Where a place is written that a file lacks: a file .xmp beside it, its own EXIF, or nowhere.",
+            help="Where to write a place that a file lacks: an .xmp file next to it, its own EXIF, or nowhere.",
         ),
     ] = PlaceDestination.XMP,
     quiet: QuietOption = False,

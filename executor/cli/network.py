@@ -41,19 +41,20 @@ class NetworkOptions:
         str | None, typer.Option(metavar="FILTER", help='Read only lines that match, such as "voltage >= 110000".')
     ] = None
     crs: Annotated[
-        str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
+        str | None, typer.Option(metavar="CRS", help="The reference system, for a file that does not state one.")
     ] = None
     encoding: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="The encoding of a CSV file or a shapefile's names, such as cp1250; tried without."
+            metavar="NAME",
+            help="The encoding of a CSV file or a shapefile's names, such as cp1250; by default detected.",
         ),
     ] = None
     depot: Annotated[
         str | None,
         typer.Option(
             metavar="LAT,LON,ALT",
-            help="The depot, where the network's file does not give it; or a file with it, FILE#NAME.",
+            help="The depot, if the network's file has none; or a point of another file, FILE#NAME.",
         ),
     ] = None
     radius: Annotated[float | None, number_option("Only segments within M metres of the depot.", 1, metavar="M")] = None
@@ -152,15 +153,18 @@ def network(
         str,
         typer.Argument(
             metavar="FILE",
-            help="The network's file; 'default' is faultline's own. Of a site file its network, with what the site "
-            "leaves out and locks.",
+            help="The network's file; 'default' is faultline's own. For a site file, its network with the segments "
+            "that it leaves out and locks.",
         ),
     ],
     *,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="GEOJSON", help="Write what was understood as GeoJSON.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="GEOJSON", help="Write the network as it was read, as GeoJSON."),
     ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw what was understood on a map.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the network as it was read on a map.")
+    ] = None,
     options: NetworkOptions,
     as_json: JsonOption = False,
 ) -> None:
@@ -170,7 +174,7 @@ def network(
     ground = None
     if Path(file).suffix == ".toml":
         path, names = Path(file), (one.name for one in fields(NetworkOptions))
-        refuse_options(asked, names, f"none beside {path}, which says how it is read")
+        refuse_options(asked, names, f"none with {path}, which states how it is read")
         ground = site_model.load_site_model(read_site(path), path.parent)
         understood = site_model.import_site_network(ground.site.network, ground.site.depot, path.parent)
     else:

@@ -131,15 +131,15 @@ RadioOption = Annotated[
     typer.Option(
         metavar="PROFILE[:loss=SHARE][,...]",
         help="Put all vehicles behind one telemetry radio: sik (SiK at 64 kbit/s), sik-stock, sik-ecc, sik-ecc-mended, "
-        "mlrs-19, mlrs-31, mlrs-50, mesh (RFD900x), lte, or lte-2, lte-8 and lte-20 with outages of so many seconds; "
-        "with a loss such as sik:loss=0.15 that share of packets is lost in bursts. Of vehicles with several "
-        "links the radio of each, with a comma between them and nothing for a link without one: sik,lte.",
+        "mlrs-19, mlrs-31, mlrs-50, mesh (RFD900x), lte, or lte-2, lte-8 and lte-20 with outages of 2, 8 and 20 s; a "
+        "loss such as sik:loss=0.15 drops that share of packets in bursts. For vehicles with several links, one radio "
+        "per link, separated by commas, with nothing for a link without one: sik,lte.",
     ),
 ]
 AfterOption = Annotated[
     Path | None,
     typer.Option(
-        "--after", metavar="DIR", help="Plan only what the flight of that run directory left over: the next sortie."
+        "--after", metavar="DIR", help="Plan only the segments that the flight of that run directory left over."
     ),
 ]
 FlownAfterOption = Annotated[
@@ -147,7 +147,8 @@ FlownAfterOption = Annotated[
     typer.Option(
         "--after",
         metavar="DIR",
-        help="Plan only what the flight of that run directory left over; with a plan of days, fly its next day.",
+        help="Plan only the segments that the flight of that run directory left over; with a day plan, fly its next "
+        "day.",
     ),
 ]
 LearnedOption = Annotated[
@@ -155,11 +156,11 @@ LearnedOption = Annotated[
     typer.Option(
         "--learned",
         metavar="DIR",
-        help="Start from what the flight of that run directory taught about the same vehicles: pace and consumption.",
+        help="Start from the pace and consumption of the same vehicles in the flight of that run directory.",
     ),
 ]
 FlownPlanOption = Annotated[
-    Path | None, typer.Option("--plan", metavar="PLAN", help="Fly exactly this plan; without it a new one is made.")
+    Path | None, typer.Option("--plan", metavar="PLAN", help="Fly exactly this plan; by default a new one is made.")
 ]
 RunOption = Annotated[
     Path | None,

@@ -97,7 +97,7 @@ def select_flown_plan(
         return None, plan_and_report(ground, console, wanted, left)
     day = missions.read_day_plan(plan) if missions.is_day_plan(plan) else None
     refuse_options(
-        asked, PLANNING if day is not None else (*PLANNING, "after"), "none beside --plan, which is flown as it is"
+        asked, PLANNING if day is not None else (*PLANNING, "after"), "none with --plan, which is flown unchanged"
     )
     words = "the plan" if day is None else "the day"
     if day is not None and after is not None:
@@ -120,7 +120,7 @@ def _select_next_day(
         console.say(Level.INFO, f"{content.source}: everything is inspected; nothing is left to fly")
         raise typer.Exit
     left = format_count(len(day.uncovered), "segment")
-    return day, f"day {day.first_day} of {len(content.days)}, with {left} in nobody's sorties yet,"
+    return day, f"day {day.first_day} of {len(content.days)}, with {left} in no sortie yet,"
 
 
 def is_option_given(asked: typer.Context, name: str) -> bool:
@@ -265,16 +265,18 @@ class DayOptions:
     mtbf_hours: Annotated[
         float | None,
         number_option(
-            "With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs it takes",
+            "With --day: mean flight hours between failures of one vehicle; computes the vehicles and packs needed",
             0.01, metavar="HOURS",
         ),
     ] = None  # fmt: skip
     probability: Annotated[
-        str, typer.Option(metavar="PCT,PCT", help="With --mtbf-hours: the chances to finish that are asked for.")
+        str, typer.Option(metavar="PCT,PCT", help="With --mtbf-hours: the required probabilities to finish.")
     ] = "95,99"
     samples: Annotated[
         int,
-        typer.Option(min=1, max=1_000_000, metavar="N", help="With --mtbf-hours: how many times the days are flown."),
+        typer.Option(
+            min=1, max=1_000_000, metavar="N", help="With --mtbf-hours: how many times the days are simulated."
+        ),
     ] = 300
     dask: DaskOption = None
     jobs: JobsOption = None

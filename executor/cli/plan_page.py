@@ -31,12 +31,13 @@ def open_page(
         Path | None,
         typer.Argument(
             metavar="[SITE|NETWORK|PLAN]",
-            help="A site file; a network, for which a new site is begun; or a plan, whose site lies beside it. By "
-            "default site.toml of this folder, if there is one.",
+            help="A site file; a network, for which a new site is made; or a plan next to its site. By default "
+            "site.toml of this folder, if there is one.",
         ),
     ] = None,
     host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address to listen on; others than this computer's need --token-env.")
+        str,
+        typer.Option(metavar="ADDRESS", help="Address to listen on; any but this computer's own needs --token-env."),
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for a free one.")] = 0,
     token_env: Annotated[

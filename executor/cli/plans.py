@@ -30,14 +30,12 @@ from planner.risk import RESERVE_PCT
 SearchOption = Annotated[
     Path | None,
     typer.Option(
-        "--search", metavar="FILE", help="Parameters of the search (TOML); what it leaves out keeps its default."
+        "--search", metavar="FILE", help="Parameters of the search (TOML); those that it omits keep their defaults."
     ),
 ]
 PlanPictureOption = Annotated[
     Path | None,
-    typer.Option(
-        metavar="PNG", help="Draw the plan on a map, the trade-offs of --front, or who flies when with --day."
-    ),
+    typer.Option(metavar="PNG", help="Draw the plan on a map, the trade-offs of --front, or the timetable of --day."),
 ]
 FrontOption = Annotated[
     bool,
@@ -53,8 +51,8 @@ MtbfOption = Annotated[
 SpreadOption = Annotated[
     float,
     options.number_option(
-        "Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
-        "planned one.", 0, 50, metavar="PCT",
+        "Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans use the planned "
+        "one.", 0, 50, metavar="PCT",
     ),
 ]  # fmt: skip
 ReserveOption = Annotated[
@@ -129,7 +127,7 @@ def plan(
     _print_plan(content, as_json=as_json, heights=heights, chosen=plan_summary.describe_site_choices(ground))
     if output is not None and not as_json:
         known = () if learned is None else ("--learned", learned)
-        print(f"flown as it is by: {command_line('fly', site, '--plan', output, *known)}")
+        print(f"to fly exactly this plan: {command_line('fly', site, '--plan', output, *known)}")
     if content.uncovered or content.unreachable:
         raise typer.Exit(ANSWER_IS_NO)
 
@@ -140,10 +138,10 @@ ONLY_BY_LOSSES = ("dask", "jobs")
 
 
 def _check_options_fit(asked: typer.Context, *, day: bool) -> None:
-    beside = "none beside --day" if day else "--day beside it"
+    beside = "none with --day" if day else "--day with it"
     plan_inputs.refuse_options(asked, NOT_BY_DAY if day else ONLY_BY_DAY, beside)
     if not plan_inputs.is_option_given(asked, "mtbf_hours"):
-        plan_inputs.refuse_options(asked, ONLY_BY_LOSSES, "--mtbf-hours beside it")
+        plan_inputs.refuse_options(asked, ONLY_BY_LOSSES, "--mtbf-hours with it")
 
 
 def _plan_front(
@@ -211,17 +209,17 @@ def window(
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.
+    """Compute the time from which the fleet can finish without any one vehicle, and the loss that breaks this before.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
-    that was found and checked. The certified time is a bound: before it at least one loss certainly has none. Of a plan
-    of days: from when on each vehicle may be lost for good.
+    that was found and checked. The certified time is a bound: before it at least one loss certainly has none. For a day
+    plan: the time from which each vehicle may be lost for good.
     """
     plan_inputs.check_can_draw("--picture", picture)
     content = missions.read_any_plan(plan)
     if isinstance(content, missions.DayPlanFile):
         if picture is not None:
-            raise SiteError("--picture: expected none for a plan of days; `plan --day --picture` draws its sorties")
+            raise SiteError("--picture: expected none for a day plan; `plan --day --picture` draws its sorties")
         plan_inputs.print_loss_windows(content, seed, as_json=as_json)
         return
     found = planner.replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
@@ -243,7 +241,7 @@ def replan(
     at: Annotated[
         float,
         options.number_option(
-            "Time of the loss, from the start of the plan; of a plan of days from its first midnight.",
+            "Time of the loss, from the start of the plan; in a day plan from its first midnight.",
             0,
             MOST_DAYS * options.MOST_SECONDS,
             metavar="SECONDS",
@@ -259,14 +257,14 @@ def replan(
 ) -> None:
     """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over.
 
-    Of a plan of days: the loss for good. Sorties under way are flown to their end, then the others take over, spares
-    too; the new plan holds what was flown before the loss and what comes after it.
+    In a day plan the vehicle is lost for good. Sorties under way are flown to their end, then the others take over,
+    including spares; the new plan holds the sorties before and after the loss.
     """
     plan_inputs.check_can_write(output)
     known = missions.read_any_plan(plan)
     content: missions.PlanFile | missions.DayPlanFile
     if isinstance(known, missions.DayPlanFile):
-        plan_inputs.refuse_options(asked, ("cost", "seconds"), "none for a plan of days")
+        plan_inputs.refuse_options(asked, ("cost", "seconds"), "none for a day plan")
         content, is_feasible = preview_day_loss(known, lost, at, seed=seed)
     else:
         content, is_feasible = site_planning.preview_loss(known, lost, at, cost=cost, seconds=seconds, seed=seed)
@@ -346,8 +344,8 @@ def risk(
     """Estimate the probability of a complete inspection, as planned and with re-plans after losses.
 
     A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. The
-    others take over what a lost vehicle has not finished, where a re-plan is found that inspects everything; without
-    one it is left over. The same seed gives the same answer for any number of processes.
+    others take over the open segments of a lost vehicle if a re-plan is found that inspects every segment; otherwise
+    they are left over. The same seed gives the same answer for any number of processes.
     """
     plan_inputs.check_can_draw("--picture", picture)
     content = missions.read_plan(plan)

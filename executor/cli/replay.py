@@ -55,7 +55,9 @@ def replay_logs(
     ] = False,
     packs: Annotated[
         Path | None,
-        typer.Option("--packs", metavar="FILE", help="Add what flights say of their packs to this packs.json."),
+        typer.Option(
+            "--packs", metavar="FILE", help="Add the packs' measured state from the flights to this packs.json."
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

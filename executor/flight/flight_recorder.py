@@ -406,7 +406,7 @@ class FlightRecorder:
         self._noted_set_s += by_s
         self._seat.log.note(now_s, **{CLOCK_SET: by_s})
         way = "forward" if by_s > 0 else "back"
-        text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time goes on"
+        text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time continues"
         self.show_notice(Say(Level.WARNING, text), now_s)
 
     def _write_plans(self) -> None:

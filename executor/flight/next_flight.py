@@ -1,4 +1,4 @@
-"""Plan the next sortie: what a flight left over, for vehicles with full batteries."""
+"""Plan the next flight: the segments that a flight left over, for vehicles with full batteries."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def plan_next_flight(ground: SiteModel, report: FlightReport, seed: int) -> Plan
 
 
 def describe_next_flight(plan: PlanFile, file: Path) -> str:
-    """Return the crew's options for the next sortie."""
+    """Return the crew's options for the next flight."""
     names = ", ".join(vehicle.name for vehicle in plan.vehicles)
-    words = f"the next sortie is planned in {file} for {names} with full batteries"
+    words = f"the next flight is planned in {file} for {names} with full batteries"
     return "\n".join([words, *describe_left_over(plan)])

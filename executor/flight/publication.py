@@ -91,7 +91,7 @@ class Publication:
         if settings.rules.closed:
             tell(Level.INFO, f"mqtt: no intents are taken: {settings.rules.closed}")
         if settings.exposed:
-            tell(Level.WARNING, f"mqtt: without tls everybody on the way to {settings.broker} can read its secrets")
+            tell(Level.WARNING, f"mqtt: without tls anyone on the path to {settings.broker} can read its secrets")
         views = asyncio.create_task(
             keep_going("mqtt's views", lambda: self._publish_views(view, assets, settings.period_s)), name="mqtt views"
         )
@@ -198,7 +198,7 @@ async def serve_page(
     try:
         await asyncio.to_thread(stack.enter_context, server)
     except ConnectionFailed as error:
-        console.say(Level.WARNING, f"{error}; the flight goes on without its page")
+        console.say(Level.WARNING, f"{error}; the flight continues without its page")
         yield
         return
     try:

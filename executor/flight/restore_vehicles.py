@@ -386,7 +386,7 @@ class BoardRecord(Generic[Change]):
                     ended.append(replace(waiting.pop(name), stage=ChangeStage.RESTORED))
                 elif origin == "ours" and not vehicle.is_at_rest:
                     self.update(ended)
-                    return [*problems, "was armed meanwhile"]
+                    return [*problems, "was armed in the meantime"]
                 elif origin == "ours":
                     refused[name] = await self.file.put_back(link, clock, change)
             if not (waiting and found):

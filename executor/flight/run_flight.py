@@ -51,7 +51,7 @@ from missions.fences import Fence
 
 LEAVE_AFTER_S = 5.0
 """Real seconds after the first Ctrl-C within which a second one still means RTL for all."""
-STAYS = "the vehicles go on with what they do, unless a GCS failsafe that is set on them acts"
+STAYS = "the vehicles continue what they are doing, unless their GCS failsafe acts"
 LEFT = f"supervision ends; {STAYS}"
 
 
@@ -129,7 +129,7 @@ class Interrupts:
             self._leave()
         elif self._timer is None:
             again = "once more" if self._how == "Ctrl-C" else "Ctrl-C"
-            stay = f"the vehicles stay on their missions; {again} within {LEAVE_AFTER_S:g} s sends them home"
+            stay = f"the vehicles stay on their missions; {again} within {LEAVE_AFTER_S:g} s commands RTL to all"
             text = f"{self._how}: {stay}"
             self._console.say(Level.WARNING, text)
             self._timer = self._loop.call_later(LEAVE_AFTER_S, self._leave)
@@ -137,7 +137,7 @@ class Interrupts:
             self._timer.cancel()
             self._recalled = True
             self._flight.apply(ReturnAllOrdered())
-            self._console.say(Level.WARNING, "once more ends the supervision; the vehicles come home by themselves")
+            self._console.say(Level.WARNING, "once more ends the supervision; the vehicles return by themselves")
 
     def _leave(self) -> None:
         waits_for = self._flight.stop_supervising(at_once=self.left or self._recalled)

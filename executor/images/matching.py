@@ -480,7 +480,7 @@ def write_assets_page(path: Path, index: ImageIndex, found: Matching) -> None:
     assets = list_shown_assets(index, found)
     whole = sum(all(row.state == "seen" for row in asset.rows) for asset in assets)
     outcome = (
-        f"{whole} of {len(assets)} assets were seen as asked; {len(found.matches)} of {len(index.images)} pictures"
+        f"{whole} of {len(assets)} assets were seen as requested; {len(found.matches)} of {len(index.images)} pictures"
     )
     page = render_template(
         "assets.html", outcome=outcome, complete=whole == len(assets) and not found.missing, assets=assets,

@@ -352,7 +352,7 @@ def _find_broken_locks(ground: SiteModel, routes: Mapping[str, Sequence[int]]) -
 def _check_camera(change: Change, ground: SiteModel) -> None:
     if change.vehicle and change.segment in ground.setup.looks.find_barred_segments(change.vehicle):
         name = ground.network.segment_name(change.segment)
-        raise SiteError(f"changes: vehicle: expected one with the camera that {name} asks for, got '{change.vehicle}'")
+        raise SiteError(f"changes: vehicle: expected one with the camera that {name} requires, got '{change.vehicle}'")
 
 
 @lru_cache(maxsize=2)
@@ -379,7 +379,7 @@ def _apply_change(change: Change, plan: PlanFile, task: missions.Task, routes: d
     before = None if had is None else routes[had].pop(was)
     goes = had if change.vehicle is None else change.vehicle
     if goes is None:
-        raise SiteError(f"changes: vehicle: expected one for segment {change.segment}, which nobody flies")
+        raise SiteError(f"changes: vehicle: expected one for segment {change.segment}, which no vehicle flies")
     position, turned = change.position, change.reversed
     if goes == had and before is not None:  # same vehicle: unset fields keep their values
         position = was if position is None else position

@@ -182,5 +182,5 @@ def find_site_of_plan(plan: Path) -> Path:
     beside = sorted(plan.parent.glob("*.toml"))
     named = [one for one in beside if one.name == "site.toml" or one.stem == plan.stem] or beside
     if len(named) != 1:
-        raise SiteError(f"{plan}: expected its site file beside it, found {len(named)}; open that one instead")
+        raise SiteError(f"{plan}: expected its site file next to it, found {len(named)}; open that one instead")
     return named[0]

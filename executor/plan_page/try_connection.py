@@ -33,7 +33,7 @@ async def listen_for_vehicle(connection: str, sysid: int, autopilot: str) -> dic
     """
     link = parse_connection(connection)
     if link.scheme is Scheme.UDP_OUT:
-        return _answer("it is called by a flight alone, and nothing is sent here: not tried", answers=False)
+        return _answer("only a flight connects to it, and nothing is sent here: not tried", answers=False)
     heard: dict[type[Message], Any] = {}
     arrived = asyncio.Event()
 
@@ -53,7 +53,7 @@ async def listen_for_vehicle(connection: str, sysid: int, autopilot: str) -> dic
                 await arrived.wait()
             await asyncio.sleep(MORE_S)
     except TimeoutError:
-        return _answer(f"nothing was heard of system {sysid} in {LISTEN_S:g} s", answers=False)
+        return _answer(f"no message was received from system {sysid} in {LISTEN_S:g} s", answers=False)
     except ConnectionFailed as error:
         return _answer(str(error), answers=False)
     return _answer(_describe_vehicle(heard, autopilot), answers=True)

@@ -123,7 +123,7 @@ class Workspace:
             StaleRevision: the site has changed.
         """
         if revision != self.revision:
-            raise StaleRevision("the site was changed elsewhere, in another tab or program; here is what it is now")
+            raise StaleRevision("the site was changed elsewhere, in another tab or program; this is its present state")
 
     def name_file(self, path: Path) -> str:
         """Return a file's path relative to the folder of this page."""

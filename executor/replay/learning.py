@@ -447,7 +447,7 @@ def _format_energy(found: LearnedAircraft, drone: str, base: Drone) -> list[str]
     learned = found.table.capacity_ah
     capacity = found.told_capacity_ah if learned is None else learned.mean
     if capacity is None:
-        lines.append("# capacity_ah: no counter of charge beside a percentage, and no parameter, was in the logs")
+        lines.append("# capacity_ah: no charge counter together with a percentage, and no parameter, was in the logs")
         return lines
     source = "by the autopilot's parameter"
     if learned is not None:

@@ -48,7 +48,7 @@ LINK_STALE_S = 2.0
 ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
 """Prior relative to the Mavic 3, whose speed curve is used if no site names the drone: any drone with at least the five
 minutes of a racer, so that its own flight alone tells what is normal."""
-NOBODY_KNOWS = "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
+NOBODY_KNOWS = "no site names the drone, so its consumption is unknown: only a change within its own flight is judged"
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPE of vehicles with rotors."""
 BACK_USEC = 1_000_000

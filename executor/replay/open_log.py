@@ -50,7 +50,7 @@ def open_log(path: Path, *, every_record: bool = False) -> RecordedFile:
 
         return UlogFile(path, every_record=every_record)
     if kind == ".raw":
-        raise LogError(f"{path}: holds MAVLink without times: expected the telemetry log (.tlog) beside it")
+        raise LogError(f"{path}: holds MAVLink without times: expected the telemetry log (.tlog) next to it")
     raise LogError(
         f"{path}: expected a telemetry log (.tlog), a DataFlash log (.BIN, .log), a ULog (.ulg) or a run directory"
     )

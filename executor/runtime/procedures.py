@@ -340,7 +340,7 @@ async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> Procedure
     return ProcedureResult(accepted=True)
 
 
-SLEPT = "this ground station stood still meanwhile"
+SLEPT = "this ground station had stalled"
 
 
 async def _start_step(
@@ -388,7 +388,7 @@ async def _arm(link: Link, clock: Clock, has_paused: Callable[[], bool]) -> Proc
             if has_paused():
                 return ProcedureResult(accepted=False, reason=SLEPT, code=Ending.STOOD_STILL)
         return ProcedureResult(
-            accepted=False, reason="somebody else changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
+            accepted=False, reason="another party changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
         )
 
 

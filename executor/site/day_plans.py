@@ -228,7 +228,7 @@ def _check_landings(
                 kept = f"{area.margin_m:g} m or more outside of area {area.name!r}"
                 raise SiteError(f"base {name}: expected {kept}, got a place in it")
             if build_visibility_graph(areas).is_cut_off(begin_m, end_m[np.newaxis])[0]:
-                raise SiteError(f"base {name}: expected a way from the pad of {own.name}, got none around the areas")
+                raise SiteError(f"base {name}: expected a path from the pad of {own.name}, got none around the areas")
 
 
 def _build_pad(ground: SiteModel, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
@@ -499,8 +499,8 @@ def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
             said_m_s, flown_m_s = getattr(content.pricing.models[own.name], key), getattr(ground.inspection, called)
             if abs(said_m_s - flown_m_s) > SAME_M_S:
                 raise PlanFileError(
-                    f"{source}: {own.name}: expected {called} {flown_m_s:g} of [inspection], at which everybody "
-                    f"flies, got {said_m_s:g}: plan again, without it in [[day.vehicle]]"
+                    f"{source}: {own.name}: expected {called} {flown_m_s:g} of [inspection], at which all vehicles "
+                    f"fly, got {said_m_s:g}: plan again, without it in [[day.vehicle]]"
                 )
 
 
@@ -523,8 +523,8 @@ def _check_bases(
         place = f"sortie {number} of {own.name} ends at base {one.lands}"
         if ground.inspection.same_distance:
             yield (
-                f"{place}: expected the base where it begins, as who comes down to the line is kept clear of returns "
-                'to one pad alone: plan with [day] lands = "own", or without inspection.same_distance'
+                f"{place}: expected the base where it begins, as a vehicle below its layer is kept clear of "
+                'returns to one pad only: plan with [day] lands = "own", or without inspection.same_distance'
             )
         if ground.site.fence is not None and ground.site.fence.gives_rally:
             continue

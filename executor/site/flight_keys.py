@@ -161,7 +161,7 @@ class ForwardTable(SiteTable):
 
     def _find_errors(self) -> Iterator[str]:
         if self.allow_orders and not self.to:
-            yield "to: expected at least one connection beside allow_orders, got none"
+            yield "to: expected at least one connection with allow_orders, got none"
         taken = set[str]()
         for index, text in enumerate(self.to):
             try:
@@ -282,4 +282,4 @@ class DayTable(SiteTable):
         if parse_clock_s(self.begin) >= parse_clock_s(self.end):
             yield f"end: expected a time after begin, {self.begin}, got '{self.end}'"
         if self.lands == "own" and (self.road_m_s is not None or self.road):
-            yield "lands: expected 'any' beside roads: vehicles that land at their own base are not driven"
+            yield "lands: expected 'any' with roads: vehicles that land at their own base are not driven"

@@ -330,7 +330,7 @@ def _read_document(run: Path) -> GroundDocument:
     path = run / DOCUMENT
     document = GroundDocument.read(path)
     if document.photo not in {None, PHOTO} or (document.relief is not None and document.relief.file != RELIEF):
-        raise LogError(f"{path}: photo, relief.file: expected {PHOTO} and {RELIEF}, beside it")
+        raise LogError(f"{path}: photo, relief.file: expected {PHOTO} and {RELIEF}, next to it")
     heights = None if document.relief is None else document.relief.heights
     if heights is not None and len(heights.metres) != heights.rows * heights.columns:
         raise LogError(f"{path}: relief.heights.metres: expected {heights.rows * heights.columns} heights")

@@ -63,7 +63,7 @@ class PackEntry(Document):
 class PacksDocument(Document):
     """Known flights of packs."""
 
-    expected = "what flights taught about packs"
+    expected = "the packs' states learned from flights"
     format: Literal["faultline-packs/1"]
     flights: tuple[PackEntry, ...]
 
@@ -182,7 +182,7 @@ class LearnedVehicle(Document):
 class LearnedDocument(Document):
     """Learned figures of all vehicles."""
 
-    expected = "what a flight taught about its vehicles"
+    expected = "the data learned about a flight's vehicles"
     format: Literal["faultline-learned/1"]
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     """Date of the flight's end."""

@@ -53,9 +53,9 @@ class MqttTable(SiteTable):
                 yield f"{key}: expected none without tls = true"
         for key in ("key_file", "key_password_env"):
             if getattr(self, key) is not None and self.cert_file is None:
-                yield f"{key}: expected a cert_file beside it"
+                yield f"{key}: expected a cert_file with it"
         if self.password_env is not None and self.username_env is None:
-            yield "password_env: expected a username_env beside it"
+            yield "password_env: expected a username_env with it"
 
     @property
     def used_port(self) -> int:

@@ -98,7 +98,7 @@ def summarise_plan(plan: PlanFile) -> str:
     """Return a plan in one line: segments, duration, cost function."""
     flown, asked = sum(len(route.visits) for route in plan.routes), len(plan.segments) + len(plan.unreachable)
     if not flown:
-        return f"none of {asked} segments, nobody flies"
+        return f"none of {asked} segments, no vehicle flies"
     longest = max(plan.routes, key=lambda route: route.duration_s)
     route = f"longest route {longest.duration_s / 60:.1f} min ({longest.vehicle})"
     return f"{flown} of {asked} segments, {route}, chosen by {plan.cost.name}"
@@ -310,7 +310,7 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
         there = "" if base.packs is None else f" of {base.packs}"
         yield f"base {own.name}: {own.sorties} sorties and swaps, {own.packs}{there} packs, {own.people} people"
     if not content.routes:
-        yield "nobody flies"
+        yield "no vehicle flies"
         return
     yield (
         f"finished on {format_day_time(content.finish_s)}: {len(content.routes)} sorties, "

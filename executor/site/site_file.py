@@ -69,7 +69,7 @@ class Site(site_keys.SiteTable):
 
     def _check_terrain(self) -> Iterator[str]:
         if self.terrain is not None and self.inspection.heights == "flat":
-            yield "inspection.heights: expected 'known' beside [terrain], which knows the ground, got 'flat'"
+            yield "inspection.heights: expected 'known' with [terrain], which knows the ground, got 'flat'"
 
     def _check_vehicles(self) -> Iterator[str]:
         """Yield the names and system ids that several vehicles share."""
@@ -149,7 +149,7 @@ class Site(site_keys.SiteTable):
     def _check_signing(self) -> Iterator[str]:
         for index, vehicle in enumerate(self.vehicle):
             if self.signing is not None and vehicle.backend == "mavsdk":
-                yield f"vehicle[{index}].backend: expected 'native' beside [signing], got 'mavsdk', which does not sign"
+                yield f"vehicle[{index}].backend: expected 'native' with [signing], got 'mavsdk', which does not sign"
 
     def _check_radios(self) -> Iterator[str]:
         names = {vehicle.sysid: vehicle.name for vehicle in self.vehicle}
@@ -176,7 +176,7 @@ class Site(site_keys.SiteTable):
                     f"'{other.name}' has it, got '{link}'"
                 )
             if self.forward.to and vehicle.backend == "mavsdk":
-                yield f"vehicle[{index}].backend: expected 'native' beside [forward], got 'mavsdk', which has no frames"
+                yield f"vehicle[{index}].backend: expected 'native' with [forward], got 'mavsdk', which has no frames"
             if other.backend != vehicle.backend:
                 yield (
                     f"vehicle[{index}].backend: expected '{other.backend}', as vehicle '{other.name}' on the same "

@@ -236,14 +236,14 @@ class AreaTable(SiteTable):
         if self.file is not None:
             return
         if self.name is None:
-            yield f"name: expected one beside {given[0]}: messages call the area by it"
+            yield f"name: expected one with {given[0]}: messages use it for the area"
         if self.layer or self.where is not None:
-            yield f"{'layer' if self.layer else 'where'}: expected none beside {given[0]}"
+            yield f"{'layer' if self.layer else 'where'}: expected none with {given[0]}"
         limited = self.max_agl_m is not None or self.max_amsl_m is not None
         if self.line is not None and (self.width_m is None or limited):
-            yield "width_m: expected a width and no height limit beside line: it is a corridor"
+            yield "width_m: expected a width and no height limit with line: it is a corridor"
         if self.polygon is not None and self.width_m is not None:
-            yield "width_m: expected none beside polygon, got one"
+            yield "width_m: expected none with polygon, got one"
 
 
 class PlaceTable(SiteTable):
@@ -340,7 +340,7 @@ class VehicleTable(SiteTable):
     def _find_errors(self) -> Iterator[str]:
         if self.budget_pct + self.reserve_pct > 100:
             yield (
-                f"budget_pct: expected at most {100 - self.reserve_pct:g} beside a reserve_pct of "
+                f"budget_pct: expected at most {100 - self.reserve_pct:g} with a reserve_pct of "
                 f"{self.reserve_pct:g}, got {self.budget_pct:g}"
             )
         try:
@@ -354,7 +354,7 @@ class VehicleTable(SiteTable):
         if twice := [port for port in ports if ports.count(port) > 1]:
             yield f"connection: expected each link over a port of its own, got {twice[0]} twice"
         if len(links) > 1 and self.backend == "mavsdk":
-            yield "connection: expected one beside backend 'mavsdk', got a list"
+            yield "connection: expected one with backend 'mavsdk', got a list"
 
     @property
     def links(self) -> tuple[Connection, ...]:

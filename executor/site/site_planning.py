@@ -86,7 +86,7 @@ class PlanRequest:
         if self.iterations is not None and self.solver is not PlanSolver.SEARCH:
             raise missions.PlanFileError(f"--solver: expected search for --iterations, got {self.solver.value}")
         if self.params != planner.DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
-            raise missions.PlanFileError("--search: expected none beside --solver grasp, whose numbers are the paper's")
+            raise missions.PlanFileError("--search: expected none with --solver grasp, whose numbers are the paper's")
 
     @property
     def threads(self) -> int:
@@ -357,7 +357,7 @@ def describe_site_changes(plan: missions.PlanFile, ground: SiteModel) -> list[st
 def _collect_site_facts(plan: missions.PlanFile) -> dict[str, object]:
     """Return a plan file's record of the site that it was made for.
 
-    Pads and layers are not included: they depend on which vehicles fly, and the next sortie flies without the lost
+    Pads and layers are not included: they depend on which vehicles fly, and the next flight is without the lost
     ones.
     """
     document = missions.build_plan_document(plan)

@@ -347,7 +347,7 @@ def _place_network(
     if frame is None or not alt_known:
         frame, alt_known = _find_depot(drawing, frame)
     if frame is None and radius_m is not None:
-        raise NetworkError("radius_m: expected a depot beside it, the network's file has none")
+        raise NetworkError("radius_m: expected a depot with it, the network's file has none")
     drawing.near = _build_near_filter(frame, radius_m)
     drawing.keep_near()
     if drawing.far is not None and not (drawing.lines or drawing.spans):

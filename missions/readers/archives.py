@@ -52,8 +52,8 @@ FOREIGN = {
     b"PAR1": "GeoParquet: export it as a GeoPackage or GeoJSON",
     b"fgb\x03": "FlatGeobuf: export it as a GeoPackage or GeoJSON",
     b"!table": "a MapInfo table: export it as a GeoPackage or a shapefile",
-    b"\x37\x7f\x06\x82": "the -wal file of a database: name the database beside it",
-    b"\x37\x7f\x06\x83": "the -wal file of a database: name the database beside it",
+    b"\x37\x7f\x06\x82": "the -wal file of a database: name the database next to it",
+    b"\x37\x7f\x06\x83": "the -wal file of a database: name the database next to it",
     b"version https://": "a pointer of Git LFS: fetch the file itself",
 }
 """Signatures of unsupported formats, and advice for each."""
@@ -217,14 +217,14 @@ def decode_table(content: bytes, encoding: str | None) -> tuple[str, str]:
         return _decode_as(content, marked or str(encoding)), ""
     if content[:2].count(b"\x00") == 1:
         mark = "utf-16-le" if content[1] == 0 else "utf-16-be"
-        return _decode_as(content, mark), f"no encoding is said: read as {mark}"
+        return _decode_as(content, mark), f"no encoding is stated: read as {mark}"
     try:
         return content.decode("utf-8"), ""
     except UnicodeDecodeError as reason:
         if _CONTROL.search(content):
             raise NetworkError(f"encoding: expected text, found other bytes at {reason.start}") from reason
     page, names = guess_code_page(content)
-    return content.decode(page, "replace"), f"no encoding is said: read as {page}{names}; encoding says another"
+    return content.decode(page, "replace"), f"no encoding is stated: read as {page}{names}; encoding says another"
 
 
 def _decode_as(content: bytes, encoding: str) -> str:
@@ -280,7 +280,7 @@ def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[s
     if fitting == (told or [USUAL])[0]:
         return fitting, ""
     fitting, names = (fitting, "") if fitting is not None else guess_code_page(b"\n".join(texts))
-    wrong = f"names are not in {told[0]}, as it says" if told else "names are in no code page that it says"
+    wrong = f"names are not in {told[0]}, as it says" if told else "names are in no code page that it states"
     return fitting, f"{wrong}: read as {fitting}{names}; encoding says another"
 
 

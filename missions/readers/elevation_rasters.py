@@ -279,7 +279,7 @@ def _list_files(paths: Sequence[Path]) -> list[Path]:
         raise ElevationError(f"{paths[0]}: files: expected at most {MOST_FILES} rasters, found {len(files)}")
     kept = [path for path in files if path.suffix == KEPT_SUFFIX]
     if kept and len(files) > 1:
-        raise ElevationError(f"{kept[0]}: file: expected no other raster beside what a run has kept")
+        raise ElevationError(f"{kept[0]}: file: expected only the raster that the run has kept")
     return files
 
 

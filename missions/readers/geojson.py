@@ -107,7 +107,7 @@ def check_whole(document: Mapping[str, object]) -> None:
         if said.get("exceededTransferLimit") is True:
             raise NetworkError(
                 "exceededTransferLimit: expected all features, the server sent a part: ask for the rest "
-                "(resultOffset); taken out, the part is read as it is"
+                "(resultOffset); without this key, the part is read as it is"
             )
     matched, returned = (document.get(key) for key in ("numberMatched", "numberReturned"))
     matched = document.get("totalFeatures") if matched is None else matched
@@ -117,14 +117,14 @@ def check_whole(document: Mapping[str, object]) -> None:
     if is_figure(matched) and is_figure(returned) and matched > returned:
         raise NetworkError(
             f"numberMatched: expected all {matched:g} features, the server sent {returned:g}: ask for the "
-            "rest (limit, count, the link 'next'); taken out, the part is read as it is"
+            "rest (limit, count, the link 'next'); without this key, the part is read as it is"
         )
     links = document.get("links")
     for link in links if isinstance(links, list) and not known else ():
         if isinstance(link, dict) and link.get("rel") == "next":
             raise NetworkError(
                 "links: expected all features, the server sent a part and a link to the next: ask for the "
-                "rest; taken out, the part is read as it is"
+                "rest; without this key, the part is read as it is"
             )
 
 

@@ -82,7 +82,7 @@ def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
     with path.open("rb") as file:
         modes = file.read(20)[18:20]
     if modes == WAL and not path.resolve().with_name(path.resolve().name + JOURNALS[0]).exists():
-        text = "a program has it open, or it was copied without its -wal: what was saved last may be missing"
+        text = "a program has it open, or it was copied without its -wal: the latest changes may be missing"
         drawing.found.append(Remark(RemarkTopic.WHOLE, choice.source, text))
     return drawing
 
@@ -283,7 +283,7 @@ def _open_layer(name: str, files: Mapping[str, bytes], drawing: RawNetwork, choi
     import shapefile
 
     if "dbf" not in files:
-        raise NetworkError(f"{name}.dbf: expected the names and attributes beside the .shp")
+        raise NetworkError(f"{name}.dbf: expected the names and attributes next to the .shp")
     with explaining_errors(f"{name}: expected a whole shapefile", _Damaged, struct.error):
         _check_parts(files["shp"], files.get("shx"), files["dbf"])
     encoding, words = code_page_of(files["dbf"], files.get("cpg"), choice.encoding)
@@ -353,7 +353,7 @@ def _count_shapes(shp: bytes) -> int:
         if words < 2 or at + 8 + 2 * words > len(shp):
             raise _Damaged(f"the .shp ends in the middle of shape {count + 1}")
         if number in numbers and number > 0:
-            raise _Damaged(f"the .shp has shape {number} twice: which one counts says the .shx, which is missing")
+            raise _Damaged(f"the .shp has shape {number} twice: the .shx states which one counts, and is missing")
         numbers.add(number)
         count, at = count + 1, at + 8 + 2 * words
     return count
@@ -364,5 +364,5 @@ def _count_indexed_shapes(shp: bytes, shx: bytes) -> int:
     for number, (offset, words) in enumerate(index, start=1):
         at, is_there = 2 * offset, HEADER <= 2 * offset <= len(shp) - 8 - 2 * words and words >= 2
         if not is_there or struct.unpack_from(">i", shp, at + 4)[0] != words:
-            raise _Damaged(f"the .shx is of another state than the .shp: shape {number} is not where it says")
+            raise _Damaged(f"the .shx does not match the .shp: shape {number} is not where it states")
     return len(index)

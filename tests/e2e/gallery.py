@@ -275,7 +275,7 @@ def taken(ready: Fleet, *, returned: bool = False) -> Scene:
     state = with_facts(fitted(story.state), said=(*story.state.crew.said, line))
     words = {
         ".strip:nth-child(2) .state": "with its pilot",
-        ".strip:nth-child(2) .hands": "include it to go on" if returned else "Its segments are kept for it for 0:24",
+        ".strip:nth-child(2) .hands": "include it to continue" if returned else "Its segments are kept for it for 0:24",
         ".strip:nth-child(2) .place": "49.60",
         "#lines": "its pilot took it",
     }

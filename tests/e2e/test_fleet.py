@@ -219,7 +219,7 @@ async def test_ctrl_c_once_leaves_the_vehicles_on_their_missions(tmp_path: Path)
             await said_in(flight.stderr, "Ctrl-C: the vehicles stay on their missions")
             _, err = await ended(flight)
             assert flight.returncode == 1
-            assert "supervision ends; the vehicles go on with what they do" in err
+            assert "supervision ends; the vehicles continue what they are doing" in err
         for port in ports:
             beat = await heartbeat_on(port)
             assert beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED

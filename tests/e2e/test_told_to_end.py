@@ -72,7 +72,9 @@ async def test_a_polite_end_in_flight_is_one_ctrl_c_however_often_it_comes(tmp_p
     ):
         await said_in(flight.stderr, "uav1: flies its mission", "uav2: flies its mission")
         flight.send_signal(signal.SIGTERM)
-        await said_in(flight.stderr, "SIGTERM: the vehicles stay on their missions; Ctrl-C within 5 s sends them home")
+        await said_in(
+            flight.stderr, "SIGTERM: the vehicles stay on their missions; Ctrl-C within 5 s commands RTL to all"
+        )
         for _ in range(3):
             flight.send_signal(signal.SIGTERM)
             await asyncio.sleep(0)

@@ -105,6 +105,6 @@ async def test_a_clock_that_is_set_back_an_hour(tmp_path: Path, monkeypatch: pyt
     assert max(after - before for before, after in itertools.pairwise(times_s)) < 30.0
     assert wrongly_counted(run, report) == []
     assert [line["told"] for line in log_lines(run) if "told" in line] == [
-        "this computer's clock was set back by 3600 s; the flight's own time goes on"
+        "this computer's clock was set back by 3600 s; the flight's own time continues"
     ]
     assert replay_run(run).comparison.is_same

@@ -48,7 +48,7 @@ def test_known_heights_stay_as_they_are() -> None:
         ),
         (
             third(line([(None, None)] * 2), 470.0, 480.0),
-            r"'p0', 'p1' \(the third coordinate of 'p0', 470, is not taken for one: whether it is ground, wire or top",
+            r"'p0', 'p1' \(the third coordinate of 'p0', 470, is not used: the file does not state whether it is",
         ),
     ],
 )

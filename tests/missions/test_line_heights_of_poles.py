@@ -100,7 +100,7 @@ def test_a_depot_that_contradicts_the_raster(network: Network, ground: Elevation
     _, found = add_ground_heights(
         replace(network, frame=replace(frame, alt_m=frame.alt_m + 20.0)), ground, depot_known=True
     )
-    assert found[0].startswith("the depot is said to be at ")
+    assert found[0].startswith("the depot is given at ")
 
 
 def test_a_pylon_on_ground_that_nobody_knows_is_named(network: Network, tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_a_plan_of_another_kind_is_refused_in_one_line(version: str) -> None:
     ):
         read_plan(folder / "days.json")
     with pytest.raises(
-        PlanFileError, match=r"small\.json: days: expected a plan of days, got that of a single flight$"
+        PlanFileError, match=r"small\.json: days: expected a day plan, got the plan of a single flight$"
     ):
         read_day_plan(folder / "small.json")
 

@@ -149,7 +149,7 @@ def test_what_only_a_way_over_unknown_ground_leads_to_is_not_flown(seed: int, tm
     found = closed_case(seed, tmp_path, [wall(seed, 2600.0)])
     why = {one.why for one in found.case.setup.unreachable}
     assert len(found.case.setup.unreachable) >= 5
-    assert why == {"no way leads to it around the areas, over ground that is known"}
+    assert why == {"no path leads to it around the areas, over ground that is known"}
     paths = paths_of(found.case.setup, found.case.routes)
     judged_among_areas(found.case, paths)
     judged_among_areas(found.case, replanned(found.case, paths))

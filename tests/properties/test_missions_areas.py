@@ -231,7 +231,7 @@ def test_what_is_called_unreachable_is_and_nothing_else(seed: int) -> None:
             assert why is not None
             assert near[0].name in why or len(near) > 1
         elif clear and why is not None:
-            assert why == "no way leads to it around the areas"
+            assert why == "no path leads to it around the areas"
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -52,7 +52,7 @@ def test_one_is_lost_while_two_stations_look_on_and_one_asks_for_everything(
     for system in (1, 2, 3):
         assert f"Detected vehicle {system}:1" in told.read_text(errors="replace"), "MAVProxy sees all of them"
     assert seen
-    assert "asks for streams, all parameters" in flight.said, "it is held back, and the crew is told"
+    assert "requests streams, all parameters" in flight.said, "it is held back, and the crew is told"
 
 
 @contextmanager

@@ -288,7 +288,7 @@ class DataFlashFile(RecordedFile):
         if not self._boot.begun and self._now_usec is not None:
             self.notes.append("it ends before it says a mode or lasts ten seconds")
         elif self._boot.mode == NO_MODE:
-            self.notes.append("no MODE in it: nobody knows in which mode it flew")
+            self.notes.append("no MODE in it: its flight mode is unknown")
 
     def _open_rows(self, wanted: Mapping[str, WantedColumns], skipped: SkippedRecords) -> Rows:
         return (TextRows if self.text else BinaryRows)(self.path, wanted, skipped)

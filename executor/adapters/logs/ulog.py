@@ -403,7 +403,7 @@ class UlogFile(recorded_log.RecordedFile):
         self.skipped.unreadable += bool(log.file_corruption)
         self.skipped.dropouts += len(log.dropouts)
         if not any(one.name == "vehicle_status" for one in log.data_list):
-            self.notes.append("no vehicle_status in it: nobody knows in which mode it flew, or whether it was armed")
+            self.notes.append("no vehicle_status in it: its mode, and whether it was armed, are unknown")
         system, vehicle, began_usec = _find_system(log), Px4State(), int(log.start_timestamp)
         streams = [
             self._read_rows(dataset, TOPICS[dataset.name], began_usec)

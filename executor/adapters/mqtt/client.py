@@ -266,7 +266,9 @@ class MqttClient:
         self._outbox.resend_retained()
         again = "again" if self._was_there else ""
         dropped = sum(self._outbox.dropped.values())
-        lost = f"; {dropped - self._dropped_told} messages had to be dropped meanwhile" * (dropped > self._dropped_told)
+        lost = f"; {dropped - self._dropped_told} messages were dropped in the meantime" * (
+            dropped > self._dropped_told
+        )
         self._dropped_told = dropped
         self._was_there, self._complained = True, False
         self._say(Level.INFO, f"mqtt: connected to {self._broker} {again}".rstrip() + lost)
@@ -277,7 +279,7 @@ class MqttClient:
             return
         self._complained = True
         what = "lost the connection to" if self._was_there else "no connection to"
-        text = f"mqtt: {what} {self._broker} ({why}); the flight goes on, and it is tried again"
+        text = f"mqtt: {what} {self._broker} ({why}); the flight continues; trying again"
         self._say(Level.WARNING, text)
 
 

@@ -145,7 +145,7 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
     axes.set_xlabel("mean time between failures of one vehicle (flight hours)")
     axes.set_ylabel("everything inspected (% of flights)")
     axes.annotate(
-        f"asked for: {given.mtbf_h:g} h", xy=(given.mtbf_h, 0.0), xycoords=("data", "axes fraction"), xytext=(6.0, 6.0),
+        f"requested: {given.mtbf_h:g} h", xy=(given.mtbf_h, 0.0), xycoords=("data", "axes fraction"), xytext=(6.0, 6.0),
         textcoords="offset points", fontsize=9.5, color=style.INK, path_effects=style.make_white_edge(2.0),
     )  # fmt: skip
     return figure
@@ -244,7 +244,7 @@ def draw_profile_figure(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]
         axes.set_ylim(low_m - 10.0, high_m + 0.08 * (high_m - low_m) + 5.0)
     handles = [
         Patch(fc=GROUND, label="ground of the raster"), Patch(fc=UNSURE, label="cells around, and its uncertainty"),
-        Line2D([], [], color=style.INK, lw=0.9, ls=":", label="what every leg keeps over them"),
+        Line2D([], [], color=style.INK, lw=0.9, ls=":", label="clearance of every leg above them"),
         Line2D([], [], color=style.INK, lw=2.8, label="inspection"),
         Line2D([], [], color=style.INK, lw=1.2, label="transit"),
         Line2D([], [], color=style.INK, lw=1.0, ls="--", label="RTL, level"),

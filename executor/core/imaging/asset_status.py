@@ -61,7 +61,7 @@ class AssetState(Enum):
     GIVEN_UP = "given_up"
     """It is no longer flown in this flight."""
     LEFT_OVER = "left_over"
-    """It is left for the next sortie."""
+    """It is left for the next flight."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,16 +88,16 @@ class IntentReason(ReasonCode):
     """Why an intent was refused, or failed without a vehicle's answer."""
 
     NOT_BEGUN = "not_begun", "The flight has not begun."
-    BEGUN = "begun", "The flight has begun, and what was asked before is answered."
+    BEGUN = "begun", "The flight has begun, and the questions before it are answered."
     OVER = "over", "The flight is over."
-    NOT_ASKED = "not_asked", "The question that it answers is not open."
+    NOT_ASKED = "not_asked", "The question that it answers is not pending."
     VEHICLE_UNEXPECTED = "vehicle_unexpected", "It is for the whole fleet and names a vehicle."
     VEHICLE_MISSING = "vehicle_missing", "It names no vehicle."
     VEHICLE_UNKNOWN = "vehicle_unknown", "It names a vehicle that does not exist."
-    UNCONFIRMED = "unconfirmed", "It has to be confirmed: the same again with `confirmed`."
+    UNCONFIRMED = "unconfirmed", "It needs confirmation: send it again with `confirmed`."
     ABORTED = "aborted", "The flight was aborted."
-    NEVER_HEARD = "never_heard", "Nothing was ever received from the vehicle."
-    LINK_STALE = "link_stale", "Nothing was received from the vehicle for a while."
+    NEVER_HEARD = "never_heard", "No message was ever received from the vehicle."
+    LINK_STALE = "link_stale", "No message was received from the vehicle for some time."
     LINK_LOST = "link_lost", "The vehicle is declared lost."
     NOT_ON_MISSION = "not_on_mission", "The vehicle is not on its mission."
     ON_HOLD = "on_hold", "It is on hold already."
@@ -121,7 +121,7 @@ class IntentReason(ReasonCode):
     TILTED = "tilted", "It is tilted on the ground."
     OFF_PAD = "off_pad", "It is not on its pad."
     BATTERY_LOW = "battery_low", "Its battery is not above its reserve."
-    SWAPPING = "swapping", "It is looked at before its next sortie already."
+    SWAPPING = "swapping", "Its checks before its next sortie are under way already."
     NOT_READY = "not_ready", "Its checks before its next sortie did not pass."
     PACK_POOR = "pack_poor", "Its pack holds too little for a sortie."
     BASE_UNKNOWN = "base_unknown", "It names no base of the day, or the flight is no day of sorties."
@@ -134,8 +134,9 @@ class IntentReason(ReasonCode):
     NOTHING_TO_PLAN = "nothing_to_plan", "No segment is open."
     ASSET_UNKNOWN = "asset_unknown", "It names an asset that does not exist."
     ASSET_NEVER_FLOWN = (
-        "asset_never_flown", "It names an asset that nobody flies: no part of the flight, or no vehicle has its camera."
-    )  # fmt: skip
+        "asset_never_flown",
+        "It names an asset that no vehicle flies: it is not part of the flight, or no vehicle has its camera.",
+    )
     ASSET_OPEN = "asset_open", "It names an asset that is still to be flown."
     OVERTAKEN = "overtaken", "The vehicle did something else before it answered."
     UNANSWERED = "unanswered", "The vehicle did not answer in time."

@@ -51,16 +51,16 @@ STATION_HIDES = ChecklistLine(
     WARNING, CheckCode.OTHER_STATION,
     "another ground station is on its link, system {system} component {component}: {then}",
 )  # fmt: skip
-FORWARD, NOBODY = "[forward]", "nobody yet"
+FORWARD, NOBODY = "[forward]", "none yet"
 FORWARD_LISTENS = ChecklistLine(
-    OK, CheckCode.OTHER_STATION, "what vehicles send goes to {ports}; stations may not order; heard: {who}"
+    OK, CheckCode.OTHER_STATION, "all frames of vehicles go to {ports}; stations may not send orders; heard: {who}"
 )
 FORWARD_ORDERS = ChecklistLine(
-    OK, CheckCode.OTHER_STATION, "what vehicles send goes to {ports}; stations may order; heard: {who}"
+    OK, CheckCode.OTHER_STATION, "all frames of vehicles go to {ports}; stations may send orders; heard: {who}"
 )
 FORWARD_OPEN = ChecklistLine(
     WARNING, CheckCode.OTHER_STATION,
-    "stations may order, unsigned: who reaches {open} can command all vehicles; heard: {who}",
+    "stations may send orders, unsigned: anyone who reaches {open} can command all vehicles; heard: {who}",
 )  # fmt: skip
 FORWARD_ACT = ChecklistLine(WARNING, CheckCode.OTHER_STATION, "{found}")
 HIDES_OURS = "its HEARTBEATs would hide the loss of ours"
@@ -89,11 +89,9 @@ GEOFENCE_ENDS = ChecklistLine(
 TIMES_BY_DEFAULT = ChecklistLine(
     WARNING, CheckCode.ENERGY, "it has no {names}: its times are planned by {tested}'s default"
 )
-TERRAIN_FOLLOWED = ChecklistLine(WARNING, CheckCode.TERRAIN, "follows the ground by itself: {setting}: {meaning}")
-TERRAIN_UNKNOWN = ChecklistLine(WARNING, CheckCode.TERRAIN, "may follow the ground by itself: {setting} is unknown")
-TERRAIN_NOT_FOLLOWED = ChecklistLine(
-    OK, CheckCode.TERRAIN, "its missions and its RTL do not follow the ground by themselves{idle}"
-)
+TERRAIN_FOLLOWED = ChecklistLine(WARNING, CheckCode.TERRAIN, "follows terrain automatically: {setting}: {meaning}")
+TERRAIN_UNKNOWN = ChecklistLine(WARNING, CheckCode.TERRAIN, "may follow terrain automatically: {setting} is unknown")
+TERRAIN_NOT_FOLLOWED = ChecklistLine(OK, CheckCode.TERRAIN, "its missions and its RTL do not follow terrain{idle}")
 SHUTTER = ChecklistLine(OK, CheckCode.CAMERA, "its autopilot takes pictures ({name} {value:g})")
 NO_SHUTTER = ChecklistLine(
     WARNING, CheckCode.CAMERA, "{said}: its autopilot takes no pictures {words}; expected {remedy}, and a restart"
@@ -119,13 +117,13 @@ PACK_AT_REST = ChecklistLine(OK, CheckCode.PACK, "its pack {standing} ({count})"
 PACK_BY_VOLTS = ChecklistLine(OK, CheckCode.PACK, "its pack {standing} ({count}), read off that voltage")
 CELLS = "{cells} cells"
 CELLS_AT_LEAST = "at least {cells} cells, cell count not reported"
-FLIGHTS_SILENT = ": {flights} did not say; the plan reckons with {planned_ah:g} Ah"
-NO_FLIGHTS = ": no flight of it is known; the plan reckons with {planned_ah:g} Ah"
+FLIGHTS_SILENT = ": {flights} gave no capacity; the plan assumes {planned_ah:g} Ah"
+NO_FLIGHTS = ": no earlier flight is known; the plan assumes {planned_ah:g} Ah"
 HAS_CAPACITY = "{has_ah:.1f} Ah, {share_pct:.0f} % of the plan's {planned_ah:g} Ah"
 HAS_RESISTANCE = "{mohm:.0f} mOhm"
 HAS = " has {what}, by {flights}"
 WORN_BUDGET = ": budget {budget_pct:.0f} %"
-EMPTY_AT = "empty at {empty_pct:.0f} % of what it counts"
+EMPTY_AT = "empty at {empty_pct:.0f} % of the counted capacity"
 
 # Links and record.
 SIGNED = ChecklistLine(OK, CheckCode.SIGNING, "frames are signed; frames not signed with our key are rejected")
@@ -148,7 +146,7 @@ RADIO_FULL = ChecklistLine(
     WARNING, CheckCode.RADIO, RADIO.words + ": too slow for {vehicles} vehicles, it carries {fits}"
 )
 LINKS = ChecklistLine(OK, CheckCode.RADIO, "heard over all {count} links, orders go over {used}")
-LINK_SILENT = ChecklistLine(WARNING, CheckCode.RADIO, "nothing comes over {silent}, orders go over {used}")
+LINK_SILENT = ChecklistLine(WARNING, CheckCode.RADIO, "no message over {silent}, orders go over {used}")
 NO_ROOM = "the radio has no room for them"
 DISK = ChecklistLine(
     OK, CheckCode.DISK, "{free_gb:.1f} GB free, the record of a flight like this takes about {needed_mb:.0f} MB"
@@ -180,8 +178,8 @@ WAITS_IN_LAYER = "waits over its pad in its own layer"
 
 # Fences and rally points.
 FENCE_KINDS = "keeps to a height and to the fence on board"
-FENCE_TOP = "its fence ends above all that it flies"
-FENCE_ACTION = "what it does at a breach, by the site file"
+FENCE_TOP = "its fence ends above its whole flight"
+FENCE_ACTION = "sets the fence action of the site file"
 FENCE_ENABLED = "keeps to its fence"
 AT_OTHER_PAD = "; {value} at another of its pads"
 RALLY_EVERYWHERE = "its RTL may end at any of its pads, at any distance"
@@ -189,7 +187,7 @@ NO_FENCE = ChecklistLine(STOP, CheckCode.GEOFENCE, "cannot be given a fence: {na
 FENCE_IDLE = ChecklistLine(WARNING, CheckCode.GEOFENCE, "{does} when it breaches its fence ({setting})")
 DOES_NOTHING = "does nothing"
 FENCE = ChecklistLine(
-    OK, CheckCode.GEOFENCE, "fence {margin_m:g} m about its ways and {top} m high; at a breach: {does} ({setting})"
+    OK, CheckCode.GEOFENCE, "fence {margin_m:g} m around its legs and {top} m high; at a breach: {does} ({setting})"
 )
 FENCE_UNREADABLE = ChecklistLine(WARNING, CheckCode.GEOFENCE, "its fence on board cannot be read")
 FOREIGN_FENCE = "a fence of {items} that is not ours is on board"
@@ -197,11 +195,11 @@ IS_FENCE_ON = "{fence}; whether it is switched on is"
 FENCE_OFF = ChecklistLine(OK, CheckCode.GEOFENCE, "{fence}, switched off")
 FENCE_LEFT = ChecklistLine(
     STOP, CheckCode.GEOFENCE,
-    "{fence}, and its flight or its way home leaves it at {lat_deg:.6f}, {lon_deg:.6f}; clear it, or restore the "
+    "{fence}, and its flight or its RTL leaves it at {lat_deg:.6f}, {lon_deg:.6f}; clear it, or restore the "
     "flight that left it",
 )  # fmt: skip
 FENCE_FITS = ChecklistLine(OK, CheckCode.GEOFENCE, "{fence}, and its flight fits into it{stays}")
-FENCE_KEPT = "; kept, and given back after the landing"
+FENCE_KEPT = "; saved, and restored after the landing"
 RALLY_UNREADABLE = ChecklistLine(WARNING, CheckCode.GEOFENCE, "its rally points cannot be read")
 RALLY_FAR = ChecklistLine(
     WARNING, CheckCode.GEOFENCE, "{points} on board, up to {away_m:.0f} m from its pad: its RTL may end there"
@@ -222,5 +220,5 @@ LANDS_THERE = ChecklistLine(
 )
 ALTERNATES = ChecklistLine(OK, CheckCode.AREAS, "alternates: {names}")
 AREAS_ENTERED = ChecklistLine(STOP, CheckCode.AREAS, "{found}")
-AREAS_KEPT = ChecklistLine(OK, CheckCode.AREAS, "{areas}; every leg keeps out of them")
+AREAS_KEPT = ChecklistLine(OK, CheckCode.AREAS, "{areas}; every leg avoids them")
 RETURNS_THROUGH = ChecklistLine(WARNING, CheckCode.AREAS, "{found}")

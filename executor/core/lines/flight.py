@@ -12,4 +12,4 @@ RETURNING = CrewLine(WARNING, "{trigger}; returning")
 FAULT_AGAIN = CrewLine(FAULT, "{vehicle}: {reason}; {position}")
 ALL_INSPECTED = "all segments inspected"
 NOT_INSPECTED = "{segments} not inspected"
-NEXT_SORTIE = ", {count} of them planned for the next sortie"
+NEXT_SORTIE = ", {count} of them planned for the next flight"

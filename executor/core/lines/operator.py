@@ -31,7 +31,7 @@ UPLOADING = IntentReason.UPLOADING, "mission upload in progress; try again in a 
 CLIMBING = IntentReason.CLIMBING, "it is climbing from its pad; below its layer it could conflict with others"
 IN_LANDING = IntentReason.LANDING, "it is landing"
 LANDING = IntentReason.LANDING, "it is landing already"
-RETURNING = IntentReason.RETURNING, "it is on its way home already"
+RETURNING = IntentReason.RETURNING, "it is returning already"
 ON_GROUND = IntentReason.ON_GROUND, "it is on the ground"
 NOT_FLYING = IntentReason.NOT_FLYING, "it is not flying, it is {stage}"
 POSITION_UNKNOWN = IntentReason.POSITION_UNKNOWN, position.UNKNOWN
@@ -72,7 +72,7 @@ NO_CAMERA = IntentReason.ASSET_NEVER_FLOWN, "{asset} is never flown: no vehicle 
 ASSET_OPEN = IntentReason.ASSET_OPEN, "{asset} is open already"
 
 # Confirmations.
-UNCONFIRMED = "has to be confirmed"
+UNCONFIRMED = "needs confirmation"
 MAY_DISARM = "{vehicle} is down at {place}: force its motors off? If it is still flying, it will fall"
 MAY_SWAP = "{vehicle} will take off once its checks pass. {installed}, and its pad clear of people?"
 IS_PACK_INSTALLED = "Is pack {pack} installed"

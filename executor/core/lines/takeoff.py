@@ -5,7 +5,7 @@ from executor.core.interface.commands import CrewLine, Level
 INFO, WARNING, FAULT = Level
 
 REBOOTED = CrewLine(WARNING, "{vehicle}: not started: {why}; `swap` when fixed")
-LATER = CrewLine(INFO, "planned for the next sortie: {segments}")
+LATER = CrewLine(INFO, "planned for the next flight: {segments}")
 WAITS = CrewLine(WARNING, "{vehicle}: take-off waits for a position")
 FLIES = CrewLine(INFO, "{vehicle}: flies its mission")
 TRIED_AGAIN = CrewLine(WARNING, "{vehicle}: did not start ({reason}); trying again")

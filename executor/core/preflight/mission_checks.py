@@ -72,8 +72,8 @@ def describe_heights(setup: missions.FlightSetup, paths: Sequence[missions.Fligh
     raised = setup.layers.raised_m > RAISED_M
     if raised.any():
         most_m = float(setup.layers.raised_m.max())
-        text += f"; {int(raised.sum())} of {len(raised)} pylons are passed up to {most_m:.0f} m higher than asked"
-        text += ", for the ground beside them"
+        text += f"; {int(raised.sum())} of {len(raised)} pylons are passed up to {most_m:.0f} m higher than requested"
+        text += ", because of the ground next to them"
     own_m = missions.find_max_return_height(setup).height_m
     return f"{text}, RTL up to {own_m:.0f} m; ceiling {setup.inspection.ceiling_m:g} m"
 
@@ -113,7 +113,7 @@ def describe_inspection_distances(asked_m: float, inspected: Iterable[tuple[str,
     """
     rows = list(inspected)
     high = sorted((row for row in rows if row[2] > asked_m), key=lambda row: (row[2], row[1]))
-    text = f"{len(rows) - len(high)} of {len(rows)} segments are inspected at the asked {asked_m:g} m"
+    text = f"{len(rows) - len(high)} of {len(rows)} segments are inspected at the requested {asked_m:g} m"
     if not high:
         return text
     named = join_first_names([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED_SEGMENTS)

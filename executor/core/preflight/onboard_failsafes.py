@@ -210,7 +210,7 @@ def list_early_returns(dialect: Dialect, parameters: Parameters) -> list[str]:
         does, setting = describe_action(rule.actions, value), f"{rule.action}={value:g}"
         if rule.without is not None and does == UNKNOWN:
             continue  # the level's own line covers it
-        found.append(f"{does} as soon as its time left in the air is only just enough to come home ({setting})")
+        found.append(f"{does} as soon as its time left in the air is just enough to return ({setting})")
     return found
 
 

@@ -128,7 +128,7 @@ class KeptParameter(BoardChange[float]):
 
     def describe_other(self, found: float) -> str:
         """Return in words that another value was set since."""
-        return f"{self.name} is {format_number(found)}, which somebody set since: left as it is"
+        return f"{self.name} is {format_number(found)}, set by another party since then: left unchanged"
 
     def describe_stay(self, found: float | None) -> str:
         """Return in words the value that was not restored; None if unreadable."""
@@ -169,7 +169,7 @@ class KeptList(BoardChange[Items]):
 
     def describe_other(self, found: Items) -> str:  # noqa: ARG002 - whatever it is
         """Return in words that the list was changed since."""
-        return f"somebody has changed the {self.words_open} since: left as found"
+        return f"another party has changed the {self.words_open} since then: left unchanged"
 
     def describe_stay(self, found: Items | None) -> str:
         """Return in words that the list was not restored; None if unreadable."""

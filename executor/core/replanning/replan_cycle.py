@@ -40,7 +40,7 @@ would take a third of a second."""
 
 
 def find_orphan_segments(context: Context, state: FleetState) -> frozenset[int]:
-    """Return the segments not inspected, given up, left for the next sortie or on any route."""
+    """Return the segments not inspected, given up, left for the next flight or on any route."""
     wanted = context.wanted - set(state.coverage.inspected) - state.coverage.given_up - state.coverage.left_over
     wanted -= set(state.coverage.unseen)  # their pictures are awaited
     wanted -= state.later_segments()

@@ -1,4 +1,4 @@
-"""Reconcile a resumed flight: complete what was under way when the ground station went away.
+"""Reconcile a resumed flight: complete what was under way when the ground station went offline.
 
 The log has the decisions; the vehicles report their missions and positions. Where they disagree, the mission on board
 holds, provided it is one that was decided.

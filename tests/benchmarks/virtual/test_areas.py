@@ -99,7 +99,7 @@ def test_a_vehicle_that_is_sent_home_flies_straight_and_the_crew_is_told(tmp_pat
 def test_the_checklist_says_what_keeps_out_and_whose_own_return_does_not(tmp_path: Path) -> None:
     flight, _ = flown(ground(tmp_path, "px4"))
     lines = {row.text: row.severity.value for row in flight.report.checks if row.code == CheckCode.AREAS}
-    assert lines["2 areas; every leg keeps out of them"] == "ok"
+    assert lines["2 areas; every leg avoids them"] == "ok"
     [warning] = [text for text, severity in lines.items() if severity == "warning" and "uav3" in text]
     assert warning == "uav3: its own RTL from line.10 and on its way back crosses area 'yard'"
     paths = [board.path for board in flight.boards.values() if board is not None]

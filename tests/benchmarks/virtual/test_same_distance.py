@@ -129,7 +129,7 @@ def test_lines_of_their_own_are_all_inspected_as_asked(tmp_path: Path, autopilot
     assert judged(chosen, flight, seen) == [15.0] * 3 * SPANS
     assert flight.report.finished
     (said,) = [check.text for check in flight.report.checks if check.subject == "distance"]
-    assert said == "12 of 12 segments are inspected at the asked 15 m"
+    assert said == "12 of 12 segments are inspected at the requested 15 m"
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

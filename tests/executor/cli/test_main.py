@@ -148,7 +148,7 @@ def test_what_a_flight_left_over_is_planned(place: Place) -> None:
     assert code == 0
     assert [segment["id"] for segment in json.loads(out)["segments"]] == [1, 3]
     assert place.refused("fly", place.path("site.toml"), "--plan", "x", "--after", "y") == (
-        "--after: expected none beside --plan, which is flown as it is"
+        "--after: expected none with --plan, which is flown unchanged"
     )
 
 
@@ -214,7 +214,7 @@ def test_a_network_that_the_budgets_cannot_cover_is_planned_as_far_as_they_reach
     *_, left, how = out.splitlines()
     assert left.startswith("left over, ")
     assert all(one["name"] in left for one in answer["left_over"])
-    assert how == f"flown as it is by: faultline fly {place.path('site.toml')} --plan {place.path('p.json')}"
+    assert how == f"to fly exactly this plan: faultline fly {place.path('site.toml')} --plan {place.path('p.json')}"
     # It is written all the same: it may be what the crew wants to fly first.
     assert place.run("check", place.path("p.json"))[0] == 0
 
@@ -294,7 +294,7 @@ def test_what_the_search_is_tuned_by(place: Place) -> None:
     assert code == 0
     assert not json.loads(out)["uncovered"]
     reason = place.refused("plan", site, "--solver", "grasp", *search)
-    assert "--search: expected none beside --solver grasp" in reason
+    assert "--search: expected none with --solver grasp" in reason
     tuned.write_text("[annealing]\nbatch = 0\n", encoding="utf-8")
     assert f"{tuned}: annealing.batch: expected greater than or equal to 1, got 0" in place.refused(
         "plan", site, *search

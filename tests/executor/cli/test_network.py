@@ -185,7 +185,7 @@ MALFORMED: dict[str, tuple[str, bytes, str, str]] = {
     "a shapefile with another .prj": ("a.zip", shapes(prj=b"north is up"), "", ("a.zip: lines.prj: crs: expected a "
                                       "coordinate reference system such as 'EPSG:32633', got 'north is up'")),
     "a shapefile without .dbf": ("a.zip", shapes(dbf=None), "",
-                                 "a.zip: lines.dbf: expected the names and attributes beside the .shp"),
+                                 "a.zip: lines.dbf: expected the names and attributes next to the .shp"),
     "a shapefile with half a .shp": ("a.zip", shapes(shp=b"\x00\x00\x27\x0a" + bytes(40)), "", "a.zip: lines: "),
     "GeoJSON of an unknown system": ("a.json", json.dumps({"type": "FeatureCollection", "features": [GEOJSON_LINE],
                                      "crs": {"type": "name", "properties": {"name": "Mars"}}}).encode(), "",
@@ -345,7 +345,7 @@ def test_a_site_shows_its_network_with_what_it_leaves_out_and_locks(place: Place
     document = json.loads(place.run("network", place.path("site.toml"), "--json")[1])
     assert document["chosen"] == [{"name": names[0], "left_out": True}, {"name": names[1], "locked": "uav2"}]
     reason = place.refused("network", place.path("site.toml"), "--snap", "3")
-    assert reason == f"--snap: expected none beside {place.path('site.toml')}, which says how it is read"
+    assert reason == f"--snap: expected none with {place.path('site.toml')}, which states how it is read"
 
 
 def test_what_was_mended_is_said_where_it_is_planned(place: Place) -> None:

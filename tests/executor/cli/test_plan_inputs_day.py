@@ -352,8 +352,8 @@ def test_how_many_vehicles_and_packs_are_needed(place: Place) -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (("--front",), "--front: expected none beside --day"),
-        (("--cost", "minmax"), "--cost: expected none beside --day"),
+        (("--front",), "--front: expected none with --day"),
+        (("--cost", "minmax"), "--cost: expected none with --day"),
         (("--objective", "speed"), "'speed' is not one of 'finish', 'flight', 'swaps'"),
         (("--probability", "95,x"), "--probability: expected percentages"),
         (("-o", "nowhere/day.json"), "there is no directory"),
@@ -369,10 +369,10 @@ def test_options_that_do_not_fit(place: Place, arguments: tuple[str, ...], expec
 def test_options_of_days_need_a_day(place: Place) -> None:
     code, _, err = place.call("plan", "site.toml", "--mtbf-hours", "5")
     assert (code, err.count("\n")) == (2, 1)
-    assert "--mtbf-hours: expected --day beside it" in err
+    assert "--mtbf-hours: expected --day with it" in err
     code, _, err = place.plan("--jobs", "2")
     assert (code, err.count("\n")) == (2, 1)
-    assert "--jobs: expected --mtbf-hours beside it" in err
+    assert "--jobs: expected --mtbf-hours with it" in err
 
 
 @pytest.mark.parametrize(
@@ -380,7 +380,7 @@ def test_options_of_days_need_a_day(place: Place) -> None:
     [
         ((DAY.replace("08:00", "8 o'clock"), NORTH, SOUTH), "day.begin"),
         ((DAY.replace("11:00", "07:00"), NORTH, SOUTH), "end: expected a time after begin, 08:00, got '07:00'"),
-        ((DAY.replace('"any"', '"own"'), NORTH, SOUTH), "lands: expected 'any' beside roads"),
+        ((DAY.replace('"any"', '"own"'), NORTH, SOUTH), "lands: expected 'any' with roads"),
         ((DAY, NORTH), "base: expected every vehicle at one, got none for 'uav2'"),
         ((DAY, NORTH, SOUTH.replace("uav2", "uav7")), "base[1].vehicles: expected one of uav1, uav2, got 'uav7'"),
         ((DAY, NORTH, SOUTH.replace("uav2", "uav1")), "base[1].vehicles: expected each vehicle at one base"),

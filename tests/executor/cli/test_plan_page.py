@@ -12,7 +12,7 @@ from tests.executor.plan_page.opened import make_demo_site, opened
     ("words", "line"),
     [
         (["gone.toml"], "gone.toml: no such file; expected a site, a network or a plan"),
-        (["plan.json"], "plan.json: expected its site file beside it, found 0; open that one instead"),
+        (["plan.json"], "plan.json: expected its site file next to it, found 0; open that one instead"),
         (["line.kml"], "line.kml: "),
         (["--host", "0.0.0.0"], "--token-env: expected the name of an environment variable with a token"),  # noqa: S104
         (["--host", "here"], "--host: expected an address such as 127.0.0.1 or 0.0.0.0, got 'here'"),

@@ -38,7 +38,7 @@ def ended(*, accepted: bool = False, armed: bool = False) -> StartEnded:
     return StartEnded("uav1", accepted, "" if accepted else "arm: denied", armed)
 
 
-LEFT = Say(Level.INFO, "planned for the next sortie: segments 2, 3, 4, 5")
+LEFT = Say(Level.INFO, "planned for the next flight: segments 2, 3, 4, 5")
 ROWS = [
     Row(
         "a launch",
@@ -151,7 +151,7 @@ ROWS = [
         "a launch without one that has no mission",
         READY,
         LaunchOrdered(),
-        [Start("uav1"), Start("uav3"), Say(Level.INFO, "planned for the next sortie: segments 2, 3")],
+        [Start("uav1"), Start("uav3"), Say(Level.INFO, "planned for the next flight: segments 2, 3")],
         {
             "uav1": {
                 "stage": Stage.STARTING,

@@ -1,4 +1,4 @@
-"""What a flight left over is the next sortie."""
+"""The next flight plans the segments that a flight left over."""
 
 from __future__ import annotations
 

@@ -328,7 +328,7 @@ async def test_a_vehicle_that_is_armed_meanwhile_is_left_alone(tmp_path: Path) -
     [one, _] = await pads.give_back()
     assert one.is_open
     assert len(pads.sets()) == sent
-    assert pads.console.lines[-2].endswith("armed") or "armed meanwhile" in pads.console.lines[-2]
+    assert pads.console.lines[-2].endswith("armed") or "armed in the meantime" in pads.console.lines[-2]
     pads.close()
 
 
@@ -357,7 +357,8 @@ async def test_what_somebody_set_since_is_left(tmp_path: Path) -> None:
         "RTL_ALT": ChangeStage.LEFT, "RTL_CONE_SLOPE": ChangeStage.RESTORED,
     }  # fmt: skip
     assert pads.console.lines[-2] == (
-        "warning uav1: RTL_ALT (was 1217) not restored: RTL_ALT is 4000, which somebody set since: left as it is"
+        "warning uav1: RTL_ALT (was 1217) not restored: RTL_ALT is 4000, set by another party since then: left "
+        "unchanged"
     )
     pads.close()
 

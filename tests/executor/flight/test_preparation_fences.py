@@ -113,7 +113,9 @@ async def test_what_somebody_put_on_board_since_is_left(autopilot: str, tmp_path
     assert stages["uav1", FENCE] is ChangeStage.LEFT
     assert stages["uav1", RALLY] is ChangeStage.RESTORED
     assert pads.fence_of("uav1") == circle(77.0)
-    assert any("uav1: fence not restored: somebody has changed the fence since" in line for line in pads.console.lines)
+    assert any(
+        "uav1: fence not restored: another party has changed the fence since" in line for line in pads.console.lines
+    )
     pads.close()
 
 

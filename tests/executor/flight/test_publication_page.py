@@ -140,7 +140,7 @@ async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
         port = int(lines.lines[0].rstrip("/").rpartition(":")[2])
         async with web.serve_page(WebTable(port=port), flight, clock, lines):
             await asyncio.sleep(0)
-    assert lines.lines[1].endswith("the flight goes on without its page")
+    assert lines.lines[1].endswith("the flight continues without its page")
 
 
 @pytest.mark.asyncio

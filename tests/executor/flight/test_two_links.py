@@ -58,4 +58,4 @@ def test_the_checklist_says_over_which_links_a_vehicle_is_heard(autopilot: str, 
     lines = [one.text for one in flight.report.checks if one.code is CheckCode.RADIO and one.subject.startswith("uav")]
     first, second = connections_of(1)
     assert lines[0].startswith("heard over all 2 links, orders go over udpin://127.0.0.1:2")
-    assert lines[1] == f"nothing comes over {second}, orders go over {first}"
+    assert lines[1] == f"no message over {second}, orders go over {first}"

@@ -63,7 +63,7 @@ def test_what_is_not_as_the_site_says_is_named() -> None:
 def test_silence_and_others_are_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executor.plan_page.try_connection.LISTEN_S", 0.5)
     answer = asyncio.run(listen(list(frames(7, ARDUPILOT))))
-    assert answer == {"answers": False, "words": "nothing was heard of system 1 in 0.5 s"}
+    assert answer == {"answers": False, "words": "no message was received from system 1 in 0.5 s"}
 
 
 def test_a_port_that_is_taken_is_said() -> None:

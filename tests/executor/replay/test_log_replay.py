@@ -265,7 +265,7 @@ def test_without_a_site_nothing_is_known_of_what_a_vehicle_uses(
     found = replayed(writer, tmp_path)
     assert [one for one in declared(found) if one[1] == "battery"] == []
     assert [note for note in found.notes if "no site" in note] == [
-        "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
+        "no site names the drone, so its consumption is unknown: only a change within its own flight is judged"
     ]
 
 

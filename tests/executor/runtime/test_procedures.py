@@ -129,7 +129,7 @@ async def test_who_changes_its_mode_while_it_is_armed_wants_something_else_of_it
     await asyncio.sleep(5.0)
     pad.vehicle.mode = dialect.modes.return_home
     done = await start
-    assert done == ProcedureResult(accepted=False, reason="somebody else changed its mode")
+    assert done == ProcedureResult(accepted=False, reason="another party changed its mode")
     assert done.code is Ending.MODE_CHANGED
     armings = pad.vehicle.commands.count(vehicle_commands.COMPONENT_ARM_DISARM)
     await asyncio.sleep(30.0)

@@ -97,7 +97,7 @@ async def test_a_ground_station_that_dies_in_a_turnaround_asks_for_the_crews_wor
 
     day = Day(Crew(GOOD), first={"uav1": (0, 2)}, later={"uav1": ((4, 6),)}, segments=4, dies=under_way)
     sky, flown = await day_flown(day, autopilot)
-    told_once(sky, "uav1: not cleared for take-off: its turnaround was under way when the ground station went away")
+    told_once(sky, "uav1: not cleared for take-off: its turnaround was under way when the ground station went offline")
     assert [record.intent.pack for record in sky.asked] == ["P3", "P4"]
     assert [sortie.pack for sortie in sky.state.vehicles["uav1"].turn.sorties] == ["", "P4"]
     assert set(flown.inspected) == {0, 1, 2, 3}

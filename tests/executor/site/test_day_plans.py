@@ -134,7 +134,7 @@ def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
     ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), line_east(13))
     found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     said = refused(replace(found, source="day.json"), ground)
-    assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
+    assert "uav2: expected speed_m_s 3 of [inspection], at which all vehicles fly, got 4" in said
 
 
 def test_until_when_each_vehicle_must_not_be_lost_is_kept(day: DayPlanFile, tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ UNKNOWN = "unknown key; expected one that docs/reference/site-file.md names"
         (content(vehicle(budget_pct=-5)), "vehicle[0].budget_pct: expected greater than or equal to 0, got -5"),
         (content(vehicle(budget_pct=120)), "vehicle[0].budget_pct: expected less than or equal to 100, got 120"),
         (content(vehicle(budget_pct=90, reserve_pct=15)),
-         "vehicle[0].budget_pct: expected at most 85 beside a reserve_pct of 15, got 90"),
+         "vehicle[0].budget_pct: expected at most 85 with a reserve_pct of 15, got 90"),
         (content(vehicle(budget_pct=NAN)), "vehicle[0].budget_pct: "),
         (content(vehicle(reserve_pct=NAN)), "vehicle[0].reserve_pct: "),
         (content(vehicle(budget_pct="much")), "vehicle[0].budget_pct: expected a number"),
@@ -140,7 +140,7 @@ UNKNOWN = "unknown key; expected one that docs/reference/site-file.md names"
          "vehicle[0].connection: expected each link over a port of its own, got /dev/ttyUSB0 twice"),
         (content(vehicle(1, connection=[SHARED, "nonsense"])), "vehicle[0].connection: expected udpin://, "),
         (content(vehicle(1, connection=[SHARED, "udpin://0.0.0.0:14551"], backend="mavsdk")),
-         "vehicle[0].connection: expected one beside backend 'mavsdk', got a list"),
+         "vehicle[0].connection: expected one with backend 'mavsdk', got a list"),
         (content(vehicle(1, connection=SHARED), vehicle(2, connection=["udpin://0.0.0.0:14551",
                                                                      "udpin://127.0.0.1:14550"])),
          "vehicle[1].connection: expected a port of its own, or 'udpin://0.0.0.0:14550' as vehicle 'uav1' has it, "),
@@ -351,7 +351,7 @@ def test_our_own_number_is_nobody_elses(ours: int, why: str) -> None:
             {"to": ["udpout://127.0.0.1:14551"]},
             "forward.to[0]: expected a port of its own, got 'udpout://127.0.0.1:14551', that of vehicle 'uav1'",
         ),
-        ({"allow_orders": True}, "forward.to: expected at least one connection beside allow_orders, got none"),
+        ({"allow_orders": True}, "forward.to: expected at least one connection with allow_orders, got none"),
         ({"to": [], "bytes_s": -1}, "forward.bytes_s: expected greater than or equal to 0, got -1"),
         ({"port": 5760}, "forward.port: unknown key"),
     ],
@@ -371,7 +371,7 @@ def test_other_stations_get_nothing_unless_the_site_says_so() -> None:
 
 def test_frames_are_forwarded_of_what_has_frames_alone() -> None:
     said = reason(content(vehicle(1, backend="mavsdk"), forward={"to": ["tcpin://127.0.0.1:5760"]}))
-    assert said == "vehicle[0].backend: expected 'native' beside [forward], got 'mavsdk', which has no frames"
+    assert said == "vehicle[0].backend: expected 'native' with [forward], got 'mavsdk', which has no frames"
 
 
 def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -397,4 +397,4 @@ def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeyp
 def test_what_cannot_be_signed_is_refused() -> None:
     assert reason(content(signing={})) == "signing.key_file: expected either key_file or key_env"
     mixed = content(vehicle(1), vehicle(2, backend="mavsdk"), signing={"key_env": "LINE_KEY"})
-    assert reason(mixed).startswith("vehicle[1].backend: expected 'native' beside [signing]")
+    assert reason(mixed).startswith("vehicle[1].backend: expected 'native' with [signing]")

@@ -61,7 +61,7 @@ def test_a_plan_is_flown_as_it_is(place: Place) -> None:
 @pytest.mark.parametrize("command", ["fly", "preflight"])
 def test_options_of_a_new_plan_are_none_of_an_old_one(place: Place, command: str, option: tuple[str, ...]) -> None:
     reason = place.refused(command, place.path("site.toml"), "--plan", place.planned(), *option)
-    assert reason == f"{option[0]}: expected none beside --plan, which is flown as it is"
+    assert reason == f"{option[0]}: expected none with --plan, which is flown unchanged"
 
 
 CHANGED: dict[str, tuple[dict[str, Mapping[str, object]], str]] = {
@@ -154,7 +154,7 @@ def test_of_many_that_are_left_over_some_are_named() -> None:
 
 
 def test_nobody_flies() -> None:
-    assert summarise_plan(poor({"uav1": 0.1})) == "none of 6 segments, nobody flies"
+    assert summarise_plan(poor({"uav1": 0.1})) == "none of 6 segments, no vehicle flies"
 
 
 ORDERS: list[Callable[[str], list[str]]] = [

@@ -61,7 +61,7 @@ def test_utf_8_needs_no_word_even_where_a_field_ends_within_a_letter(cpg: str | 
 @pytest.mark.parametrize(
     ("cpg", "words"),
     [
-        (None, "names are in no code page that it says: read as {}, with names such as {}; encoding says another"),
+        (None, "names are in no code page that it states: read as {}, with names such as {}; encoding says another"),
         ("UTF-8", "names are not in utf-8, as it says: read as {}, with names such as {}; encoding says another"),
     ],
 )

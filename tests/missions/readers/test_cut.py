@@ -61,7 +61,7 @@ def test_the_depot_of_the_file_cuts_as_well(tmp_path: Path) -> None:
     path = file_of(tmp_path, FAR, point("base", 49.599, 15.6, role="depot"), NEAR)
     assert len(import_network(path, radius_m=1500).network.segments) == 2
     without = file_of(tmp_path, NEAR)
-    with pytest.raises(NetworkError, match="radius_m: expected a depot beside it"):
+    with pytest.raises(NetworkError, match="radius_m: expected a depot with it"):
         import_network(without, radius_m=1500, anywhere=True)
 
 

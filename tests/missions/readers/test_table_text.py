@@ -30,7 +30,7 @@ NAMES = {
 def test_a_code_page_is_tried_by_the_letters_of_its_languages(page: str, names: str) -> None:
     text, remark = decode_table(names.encode(page), None)
     assert text == names
-    assert remark.startswith(f"no encoding is said: read as {page}, with names such as ")
+    assert remark.startswith(f"no encoding is stated: read as {page}, with names such as ")
 
 
 def table(name: str) -> str:
@@ -43,7 +43,7 @@ def test_what_excel_calls_unicode_is_read(encoding: str, is_said: bool, tmp_path
     path.write_bytes(table("Žďár").encode(encoding))
     understood = import_network(path, anywhere=True)
     assert set(understood.lines.values()) == {"Žďár"}
-    assert [one.text for one in understood.found] == ([] if is_said else ["no encoding is said: read as utf-16-le"])
+    assert [one.text for one in understood.found] == ([] if is_said else ["no encoding is stated: read as utf-16-le"])
 
 
 def test_who_knows_better_says_the_encoding(tmp_path: Path) -> None:

@@ -138,7 +138,7 @@ def test_a_copy_without_its_wal_is_said_first(project: Path, tmp_path: Path) -> 
         program.execute("COMMIT")
         copy = tmp_path / "copy.gpkg"
         copy.write_bytes(project.read_bytes())
-        assert "copied without its -wal: what was saved last may be missing" in said_first(
+        assert "copied without its -wal: the latest changes may be missing" in said_first(
             import_network(copy, anywhere=True)
         )
 
@@ -252,7 +252,7 @@ BROKEN: dict[str, tuple[Callable[[], Files], str]] = {
     ),
     ".shx of another file": (
         lambda: {**shapes("V1", "V2"), "shx": moved_to_the_end(shapes("V1", "V2"), 1)["shx"]},
-        "the .shx is of another state than the .shp: shape 2 is not where it says",
+        "the .shx does not match the .shp: shape 2 is not where it states",
     ),
     "a cut .shp": (lambda: {**shapes("V1"), "shp": shapes("V1")["shp"][:-8]}, "the .shp ends after"),
     "a cut .dbf": (lambda: {**shapes("V1", "V2"), "dbf": shapes("V1", "V2")["dbf"][:-60]}, "the .dbf ends after"),

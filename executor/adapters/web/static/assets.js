@@ -19,7 +19,7 @@ const MAY_AGAIN = new Set(["seen", "inferred", "given_up"]);
 const WHY = {
   missed: "Pictures of it are missing: it is flown again.",
   given_up: "Nobody flies it any more in this flight.",
-  left_over: "It is left for the next sortie.",
+  left_over: "It is left for the next flight.",
   open: "It is still to be flown.",
 };
 // More rows than anybody reads, and than a phone lays out at once.

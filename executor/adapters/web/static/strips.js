@@ -348,7 +348,7 @@ function hands(vehicle, state) {
   if (taken === null) return "";
   const began = since(flightTime(state, taken.since_s));
   const opening = began ? say("Hands off since {time}.", { time: began }) : say("Hands off.");
-  if (taken.returned) return say("Its pilot has put it back on its mission: include it to go on.");
+  if (taken.returned) return say("Its pilot has put it back on its mission: include it to continue.");
   if (taken.kept_s > 0) return `${opening} ${say("Its segments are kept for it for {time}.", { time: clock(taken.kept_s) })}`;
   return `${opening} ${say("Nothing is kept for it.")}`;
 }

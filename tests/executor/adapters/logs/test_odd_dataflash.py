@@ -120,7 +120,7 @@ def test_a_log_without_a_mode(tmp_path: Path) -> None:
     rows = [(*BAT, second * SECOND, 15.0, 20.0, 100.0) for second in range(1, 20)]
     records, file = read(log((*EV, SECOND, 10), *rows).write(tmp_path / "a.BIN"))
     assert {(beat.custom_mode, beat.armed) for _, beat in of(records, Heartbeat)} == {(255, True)}
-    assert file.notes == ["no MODE in it: nobody knows in which mode it flew"]
+    assert file.notes == ["no MODE in it: its flight mode is unknown"]
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ ROWS = [
                 "wish": noted(
                     Action.HOLD,
                     Outcome.REFUSED,
-                    "has to be confirmed",
+                    "needs confirmation",
                     code=IntentReason.UNCONFIRMED,
                     ended_s=NOW_S,
                     question="uav1 is with its pilot. Take control of it? Speak to the pilot first",

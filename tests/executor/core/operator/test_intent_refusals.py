@@ -95,7 +95,7 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (
         Action.RETURN,
         flying(stage=Stage.RETURNING, heartbeat=Heartbeat(3, RTL, True, 4)),
-        "it is on its way home already",
+        "it is returning already",
     ),
     (Action.RETURN, grounded(), "it is on the ground"),
     (Action.RETURN, DOWN, "it is on the ground"),

@@ -156,7 +156,7 @@ def test_a_way_to_follow_the_ground_that_nobody_here_knows_is_a_warning(dialect:
     [check] = vehicle_checks.check_terrain_following(said(dialect, **{name: 9.0}), dialect)
     assert (check.severity, check.text) == (
         Severity.WARNING,
-        f"may follow the ground by itself: {name} 9 is unknown",
+        f"may follow terrain automatically: {name} 9 is unknown",
     )
 
 
@@ -184,7 +184,7 @@ def test_ground_that_is_followed_is_said_by_the_name_on_board() -> None:
     assert (check.severity, "WP_RFND_USE 2" in check.text) == (Severity.WARNING, True)
 
 
-EARLY = "as soon as its time left in the air is only just enough to come home"
+EARLY = "as soon as its time left in the air is just enough to return"
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def told(context: Context, **values: float) -> list[tuple[Severity, str]]:
 def test_what_the_checklist_says_of_it() -> None:
     [(severity, text)] = told(context_of(), **OFF)
     assert severity is Severity.OK
-    assert text.startswith("fence 20 m about its ways and ")
+    assert text.startswith("fence 20 m around its legs and ")
     assert text.endswith(" m high; at a breach: RTL (FENCE_ACTION=1)")
     [(severity, text)] = told(context_of("px4", action="warn"), **PIXHAWK)
     assert (severity, text) == (Severity.WARNING, "does nothing when it breaches its fence (GF_ACTION=1)")
@@ -119,9 +119,7 @@ def test_a_fence_of_others_that_the_flight_leaves_stops_it() -> None:
     for context in (context_of(), context_of(enabled=False)):
         [(severity, text)] = found_on_board(context, {FENCE: circle(200.0), RALLY: ()})
         assert severity is Severity.STOP
-        assert text.startswith(
-            "a fence of 1 item that is not ours is on board, and its flight or its way home leaves it"
-        )
+        assert text.startswith("a fence of 1 item that is not ours is on board, and its flight or its RTL leaves it")
         [(severity, _)] = found_on_board(context, {FENCE: circle(40.0, PlaceCommand.EXCLUSION_CIRCLE), RALLY: ()})
         assert severity is Severity.STOP
 
@@ -129,7 +127,7 @@ def test_a_fence_of_others_that_the_flight_leaves_stops_it() -> None:
 def test_a_fence_of_others_that_holds_the_flight_or_is_off_is_said() -> None:
     [(severity, text)] = found_on_board(context_of(), {FENCE: circle(2000.0), RALLY: ()})
     assert severity is Severity.OK
-    assert text.endswith("and its flight fits into it; kept, and given back after the landing")
+    assert text.endswith("and its flight fits into it; saved, and restored after the landing")
     for off in ({"FENCE_ENABLE": 0.0}, {"FENCE_TYPE": 3.0}):
         [(severity, text)] = found_on_board(context_of(), {FENCE: circle(200.0), RALLY: ()}, NOTHING, **off)
         assert (severity, text) == (Severity.OK, "a fence of 1 item that is not ours is on board, switched off")

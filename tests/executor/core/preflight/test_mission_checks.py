@@ -17,7 +17,8 @@ def test_what_is_inspected_from_a_layer_is_named_with_its_distance() -> None:
     assert (line.severity, line.subject) == (Severity.OK, "distance")
     name = setup.network.segment_name(3)
     assert line.text == (
-        "5 of 6 segments are inspected at the asked 15 m; from their own layers, unless the others have left by then "
+        "5 of 6 segments are inspected at the requested 15 m; from their own layers, unless the others have left by "
+        "then "
         f"(flown again afterwards, as budgets allow): {name} at 21 m by uav2"
     )
 
@@ -39,4 +40,4 @@ def test_where_everybody_has_its_layer_nothing_is_said() -> None:
 
 def test_all_at_the_asked_distance_is_one_short_line() -> None:
     words = describe_inspection_distances(15.0, [("A", "uav1", 15.0), ("B", "uav2", 15.0)])
-    assert words == "2 of 2 segments are inspected at the asked 15 m"
+    assert words == "2 of 2 segments are inspected at the requested 15 m"

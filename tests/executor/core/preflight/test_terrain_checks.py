@@ -18,14 +18,14 @@ from tests.terrain_judge import case_of
 
 
 @pytest.mark.parametrize(("dialect", "changes", "severity", "text"), [
-    (ARDUPILOT, {}, Severity.OK, "its missions and its RTL do not follow the ground by themselves"),
+    (ARDUPILOT, {}, Severity.OK, "its missions and its RTL do not follow terrain"),
     (ARDUPILOT, {"RTL_ALT_TYPE": 0.0, "TERRAIN_ENABLE": 1.0}, Severity.OK,
-     "its missions and its RTL do not follow the ground by themselves (TERRAIN_ENABLE 1 keeps a map that is not used)"),
+     "its missions and its RTL do not follow terrain (TERRAIN_ENABLE 1 keeps a map that is not used)"),
     (ARDUPILOT, {"RTL_ALT_TYPE": 1.0, "TERRAIN_ENABLE": 1.0}, Severity.WARNING,
-     "follows the ground by itself: RTL_ALT_TYPE 1: its RTL is not level, but over its own map"),
-    (PX4, {"MPC_ALT_MODE": 0.0}, Severity.OK, "its missions and its RTL do not follow the ground by themselves"),
+     "follows terrain automatically: RTL_ALT_TYPE 1: its RTL is not level, but over its own map"),
+    (PX4, {"MPC_ALT_MODE": 0.0}, Severity.OK, "its missions and its RTL do not follow terrain"),
     (PX4, {"MPC_ALT_MODE": 1.0}, Severity.OK,
-     "its missions and its RTL do not follow the ground by themselves (MPC_ALT_MODE 1 does so in the pilot's modes)"),
+     "its missions and its RTL do not follow terrain (MPC_ALT_MODE 1 does so in the pilot's modes)"),
 ])  # fmt: skip
 def test_the_crew_is_told_where_an_autopilot_follows_the_ground_by_itself(
     dialect: object, changes: dict[str, float], severity: Severity, text: str

@@ -206,9 +206,9 @@ def test_without_a_port_for_other_stations_nothing_is_said_of_them() -> None:
 @pytest.mark.parametrize(
     ("ports", "allow", "signed", "severity", "words"),
     [
-        (PORTS, False, False, Severity.OK, "stations may not order"),
-        (PORTS[:1], True, False, Severity.OK, "stations may order"),
-        (PORTS, True, True, Severity.OK, "stations may order"),
+        (PORTS, False, False, Severity.OK, "stations may not send orders"),
+        (PORTS[:1], True, False, Severity.OK, "stations may send orders"),
+        (PORTS, True, True, Severity.OK, "stations may send orders"),
         (PORTS, True, False, Severity.WARNING, "who reaches tcpin://0.0.0.0:5760 can command all vehicles"),
     ],
 )
@@ -221,7 +221,7 @@ def test_who_is_behind_our_ports_is_one_line(
     assert words in check.text
     assert check.text.endswith("heard: 250, 255")
     [nobody] = checks.check_forwarding([said(PX4)], ports, allow_orders=allow, signed=signed)
-    assert nobody.text.endswith("heard: nobody yet")
+    assert nobody.text.endswith("heard: none yet")
 
 
 def test_a_station_behind_us_hides_nothing_and_what_it_does_before_the_flight_is_a_warning() -> None:

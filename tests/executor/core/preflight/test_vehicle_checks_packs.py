@@ -101,7 +101,7 @@ def of_history(known: PackHistory | None, budget_pct: float, reserve_pct: float,
 def test_a_worn_pack_is_told_with_what_is_reckoned_with_for_it() -> None:
     text = (
         "its pack A7 has 3.5 Ah, 70 % of the plan's 5 Ah and 24 mOhm, by 4 flights: budget 55 %, "
-        "empty at 30 % of what it counts"
+        "empty at 30 % of the counted capacity"
     )
     assert of_history(WORN, 55.0, 45.0, 30.0) == [(Severity.WARNING, text)]
 
@@ -112,9 +112,9 @@ def test_a_pack_that_is_as_it_should_be_or_that_nobody_knows_is_told_without_a_w
         (Severity.OK, "its pack B1 has 4.9 Ah, 98 % of the plan's 5 Ah, by 1 flight")
     ]
     assert of_history(build_pack_history("new", []), 75.0, 15.0, 0.0) == [
-        (Severity.OK, "its pack new: no flight of it is known; the plan reckons with 5 Ah")
+        (Severity.OK, "its pack new: no earlier flight is known; the plan assumes 5 Ah")
     ]
     assert of_history(build_pack_history("C2", [PackFlightRecord(None, None, None)]), 75.0, 15.0, 0.0) == [
-        (Severity.OK, "its pack C2: 1 flight did not say; the plan reckons with 5 Ah")
+        (Severity.OK, "its pack C2: 1 flight gave no capacity; the plan assumes 5 Ah")
     ]
     assert of_history(None, 75.0, 15.0, 0.0) == []

@@ -50,12 +50,12 @@ def test_it_is_known_from_the_take_off_and_nobody_re_plans_for_it() -> None:
     assert flight.state.coverage.left_over == LEFT
     assert flight.state.coverage.given_up == set()
     assert replan_cycle.find_orphan_segments(READY.context, flight.state) == set()
-    assert "planned for the next sortie: segments 6, 7" in flight.said(Level.INFO)
+    assert "planned for the next flight: segments 6, 7" in flight.said(Level.INFO)
     assert build_fleet_view(READY.context, flight.state, flight.now_s).uncovered == (6, 7)
     flight.finish()
     assert flight.solves() == []
     assert set(flight.state.coverage.inspected) == set(range(6))
-    assert flight.given(Finish) == [Finish("2 segments not inspected, 2 of them planned for the next sortie")]
+    assert flight.given(Finish) == [Finish("2 segments not inspected, 2 of them planned for the next flight")]
     report = build_report(READY.context, flight.state, flight.now_s)
     assert (report.segments_uncovered, report.left_over, report.finished) == ((6, 7), (6, 7), False)
 

@@ -26,10 +26,10 @@ from tests.executor.core.stories import FLEET, story
         (Gain(5, 400.0, 0, 642.3, 600.0, ()), ["uav3", "uav1"],
          "5 segments recovered; longest route now 642 s; new missions for uav1, uav3"),
         (Gain(1, 90.0, 1, 642.3, 600.0, ()), ["uav1"],
-         ("1 segment recovered, 1 segment taken over from the next sortie; longest route now 642 s; "
+         ("1 segment recovered, 1 segment taken over from the next flight; longest route now 642 s; "
           "new missions for uav1")),
         (Gain(1, 90.0, -2, 64.0, 60.0, ()), ["uav1"],
-         ("1 segment recovered, 2 segments moved back to the next sortie; longest route now 64 s; "
+         ("1 segment recovered, 2 segments moved back to the next flight; longest route now 64 s; "
           "new missions for uav1")),
         (Gain(0, 120.0, 0, 64.0, 60.0, ()), ["uav1"],
          "120 m of the line recovered; longest route now 64 s; new missions for uav1"),

@@ -198,7 +198,7 @@ TOUCHED: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(
-    ("changes", "why_not"), [*TOUCHED, ({"mode_since_s": NOW_S + 0.1}, "its mode changed meanwhile")]
+    ("changes", "why_not"), [*TOUCHED, ({"mode_since_s": NOW_S + 0.1}, "its mode changed in the meantime")]
 )
 def test_to_whom_anything_else_happened_meanwhile_proves_nothing(changes: dict[str, Any], why_not: str) -> None:
     assert found(TRANSIT, HOME, **changes) == InferredCoverage(why_not=why_not)
@@ -227,7 +227,7 @@ def test_a_site_that_asks_for_proof_infers_nothing() -> None:
     state = flying(before=before, fix=on_leg(*HOME, BEGAN_S + way_s(*TRANSIT, *HOME)), waypoint=HOME[0])
     assert infer_coverage(CONTEXT, state, BOARD, HOME[0]).segments == (0, 1)
     assert infer_coverage(proof, state, BOARD, HOME[0]) == InferredCoverage(
-        why_not="the site asks for proof by positions"
+        why_not="the site requires proof by positions"
     )
 
 
@@ -296,7 +296,7 @@ def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
     fix = replace(at(), boot_s=BEGAN_S + 900.0, alt_rel_m=0.0)
     assert landed(fix=replace(fix, place_m=(pad_e + 15.0, pad_n))).segments == (0, 1)
     assert landed(fix=replace(fix, place_m=(pad_e + 15.1, pad_n))).why_not == "it is not on its pad"
-    assert landed(heartbeat=Heartbeat(3, RTL, False, 3)).why_not == "it came home by itself"
+    assert landed(heartbeat=Heartbeat(3, RTL, False, 3)).why_not == "it returned without a command"
     assert landed(heartbeat=Heartbeat(3, LOITER, False, 3)).why_not == "its pilot may have landed it"
     assert landed(battery=account.BatteryState()).why_not == "its consumption is not known"
 

@@ -247,14 +247,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["", "it is not on its pad"],
     ),
     (
-        "it came home by itself",
+        "it returned without a command",
         lambda: [stands(160.0, heartbeat=heartbeat).why_not for heartbeat in (beat(RTL, armed=False), None)],
-        ["it came home by itself", "it came home by itself"],
+        ["it returned without a command", "it returned without a command"],
     ),
     (
         "its failsafe may have brought it home",
         lambda: [stands(160.0, failsafe_s=failsafe_s).why_not for failsafe_s in (160.0, 160.1)],
-        ["its own failsafe may have brought it home", ""],
+        ["its own failsafe may have returned it", ""],
     ),
 ]
 

@@ -160,7 +160,9 @@ def test_who_was_in_another_mode_meanwhile_proves_nothing() -> None:
     flight.pass_s(6.0)
     assert flight.stage("uav2") is Stage.FLYING
     assert of_uav2(flight) == frozenset()
-    assert "uav2: flight during the outage is not counted: its mode changed meanwhile" in flight.said(Level.WARNING)
+    assert "uav2: flight during the outage is not counted: its mode changed in the meantime" in flight.said(
+        Level.WARNING
+    )
 
 
 def test_a_vehicle_that_its_pilot_took_meanwhile_proves_nothing_and_is_told_nothing() -> None:

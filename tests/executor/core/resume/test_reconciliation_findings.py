@@ -348,7 +348,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a start waits for the crew",
         lambda: taken_up(with_facts(STARTS, heartbeat=beat(HOLD)), found(OURS), context=CREW),
-        ([], (), (("uav1", "was armed and had not taken off when the ground station went away"),), {}, {}),
+        ([], (), (("uav1", "was armed and had not taken off when the ground station went offline"),), {}, {}),
     ),
     (
         "a start has not armed",
@@ -398,7 +398,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a start has become a landing",
         lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED, began_pct=93.1), found(OURS)),
         (
-            [Say(Level.INFO, "uav1: its battery has lost 3 % meanwhile: taken to have flown, and to have landed")],
+            [Say(Level.INFO, "uav1: its battery has lost 3 % since then: assumed to have flown and landed")],
             (),
             (),
             {"uav1": {"stage": Stage.LANDED}},

@@ -243,14 +243,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned again for it"),
+                    ("uav1: others have flown segment 2 of its new mission by now; re-plan 4 is planned again for it"),
                 ),
                 Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             (),
             (),
             {"uav1": {"pending": None}},
-            AGAIN | {"trigger": "uav1: others flew segment 2 of its new mission meanwhile"},
+            AGAIN | {"trigger": "uav1: others have flown segment 2 of its new mission by now"},
         ),
     ),
     (
@@ -274,14 +274,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned again for it"),
+                    ("uav1: others have flown segment 2 of its new mission by now; re-plan 4 is planned again for it"),
                 ),
                 Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             (),
             (),
             {"uav1": {"pending": None}},
-            AGAIN | {"trigger": "uav1: others flew segment 2 of its new mission meanwhile"},
+            AGAIN | {"trigger": "uav1: others have flown segment 2 of its new mission by now"},
         ),
     ),
     (
@@ -350,7 +350,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             [
-                Say(Level.INFO, "uav1: its battery has lost 3 % meanwhile: taken to have flown, and to have landed"),
+                Say(Level.INFO, "uav1: its battery has lost 3 % since then: assumed to have flown and landed"),
                 Say(Level.INFO, "uav1: landed when its new mission came; re-plan 4 is planned again for it"),
                 Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
@@ -367,7 +367,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             found(WHOLE),
             replan=GOING,
         ),
-        ([], (), (("uav1", "was armed and had not taken off when the ground station went away"),), {}, {}),
+        ([], (), (("uav1", "was armed and had not taken off when the ground station went offline"),), {}, {}),
     ),
     (
         "the solver died with us",

@@ -120,7 +120,7 @@ def test_the_corridor(beside_m: float, counts: bool) -> None:
 
 
 def test_leaving_the_corridor_breaks_the_run() -> None:
-    assert judged(line(), flown([(0, 0), (30, 0), (30, 12), (40, 0), (60, 0)])) == ["10 m beside the line"]
+    assert judged(line(), flown([(0, 0), (30, 0), (30, 12), (40, 0), (60, 0)])) == ["10 m off the line"]
 
 
 def test_turning_back_breaks_the_run() -> None:

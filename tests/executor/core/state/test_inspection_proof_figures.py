@@ -62,7 +62,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an inspection that leaves the line",
         lambda: along((0.0, 0.0, 0.0), (2.0, 10.0, 7.9), (4.0, 20.0, 8.1)),
-        [(0.0, 1), (10.0, 2), "8 m beside the line"],
+        [(0.0, 1), (10.0, 2), "8 m off the line"],
     ),
     (
         "an inspection with a gap",

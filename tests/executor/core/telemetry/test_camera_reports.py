@@ -67,7 +67,7 @@ def taken(
 
 
 @pytest.mark.parametrize("word", [True, False], ids=["by its camera", "by its position"])
-@pytest.mark.parametrize(("beside_deg", "flaw"), [(0.0, ""), (-19.0, ""), (21.0, "aimed 21 degrees beside")])
+@pytest.mark.parametrize(("beside_deg", "flaw"), [(0.0, ""), (-19.0, ""), (21.0, "aimed 21 degrees off target")])
 def test_a_camera_on_the_nose_counts_where_that_points_at_the_region(beside_deg: float, flaw: str, word: bool) -> None:
     context, vehicle = flying(low=True, roi=True)
     to_pylon = context.setup.looks.pylons[2].points[0].yaw_deg

@@ -409,7 +409,7 @@ def test_a_drain_by_the_counter_of_charge() -> None:
             break
     assert 300 < second < 340
     assert finding
-    assert finding.endswith("by its counter of charge")
+    assert finding.endswith("by its charge counter")
 
 
 def test_the_modes_words() -> None:

@@ -137,7 +137,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             look("battery-drain", drained(charge=replace(COUNTS, drift=replace(DRAIN, excess_pct=excess_pct))))
             for excess_pct in (0.9, 1.0)
         ],
-        ["ok", "used 5.0 % in 30 s where 2.5 % is usual by its counter of charge"],
+        ["ok", "used 5.0 % in 30 s where 2.5 % is usual by its charge counter"],
     ),
     (
         "a slow drain",
@@ -322,9 +322,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "its battery reports over-current",
             "its battery reports over-temperature",
             "ok",
-            "its battery reports a voltage that does not fit",
+            "its battery reports an incompatible voltage",
             "ok",
-            "its battery reports cells that are not the set ones",
+            "its battery reports an incompatible cell configuration",
             "its battery reports deep discharge, a failed cell",
         ],
     ),

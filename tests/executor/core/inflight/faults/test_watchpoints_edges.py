@@ -132,7 +132,7 @@ OLD: list[tuple[str, VehicleState, VehicleState]] = [
     ),
 ]
 FAULTS = [(1, "deep discharge"), (4, "a failed cell"), (8, "over-current"), (16, "over-temperature"),
-          (64, "a voltage that does not fit"), (256, "cells that are not the set ones"),
+          (64, "an incompatible voltage"), (256, "an incompatible cell configuration"),
           (4 | 16, "a failed cell, over-temperature")]  # fmt: skip
 
 
