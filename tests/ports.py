@@ -1,4 +1,4 @@
-"""Ports for tests that run beside each other."""
+"""Ports for tests that run at the same time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What holds for the tree as a whole: who may import whom, how long things may be, and the numbers of MAVLink."""
+"""Rules for the whole tree: imports, lengths, and the numbers of MAVLink."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docker-compose.yml and what it needs, held against its specification and against rules: no engine runs here."""
+"""docker-compose.yml and its files, checked against its specification and our rules: no engine runs here."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_every_executor_keeps_its_runs_on_the_volume() -> None:
         assert "runs:/runs" in services(profile)[f"executor-{profile}"]["volumes"]
 
 
-def test_the_image_is_locked_and_runs_as_nobody_in_particular() -> None:
+def test_the_image_is_locked_and_runs_without_root() -> None:
     lines = (DOCKER / "Dockerfile").read_text(encoding="utf-8").splitlines()
     assert "FROM ${PYTHON}" in lines
     assert "RUN pip install --require-hashes -r requirements.lock" in lines
@@ -211,7 +211,7 @@ def healthy(*arguments: str) -> bool:
     return subprocess.run([sys.executable, str(DOCKER / "healthy.py"), *arguments], check=False).returncode == 0
 
 
-def test_a_port_is_healthy_while_somebody_listens() -> None:
+def test_a_port_is_healthy_while_a_process_listens() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
         plug.bind(("127.0.0.1", 0))
         port = str(plug.getsockname()[1])
@@ -219,7 +219,7 @@ def test_a_port_is_healthy_while_somebody_listens() -> None:
     assert not healthy("port", port)
 
 
-def test_who_asks_for_a_port_never_takes_it() -> None:
+def test_a_port_check_never_occupies_the_port() -> None:
     """Simulated vehicles that started in the moment of the question would find it in use, and end."""
     hook = "lambda event, _: sys.exit('it is taken') if event == 'socket.bind' else None"
     program = f"import runpy, sys; sys.addaudithook({hook}); runpy.run_path(sys.argv[0], run_name='__main__')"

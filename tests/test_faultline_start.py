@@ -53,7 +53,7 @@ def test_another_projects_package_is_named_and_not_loaded(name: str, content: st
     assert err.startswith(f"faultline: {name}: expected faultline's own package, got {package}: uninstall")
 
 
-def test_a_package_whose_begin_was_taken_along_by_an_uninstallation_is_named(tmp_path: Path) -> None:
+def test_a_package_without_its_init_after_an_uninstallation_is_named(tmp_path: Path) -> None:
     for name in PACKAGES:
         (tmp_path / name).mkdir()
         (tmp_path / name / "evaluate.py").write_text("", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Every line for the crew is said with exactly the values that its words name."""
+"""Every line for the crew gets exactly the values that its template names."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_line_gets_a_value_for_each_of_its_names(path: Path) -> None:
         assert not missing, f"{path}:{number}: {'.'.join(line)} says {missing}, which it is not given"
 
 
-def test_no_line_is_left_that_nobody_says() -> None:
+def test_every_line_is_used() -> None:
     texts = "\n".join(path.read_text(encoding="utf-8") for path in modules("executor"))
     assert [line for line in LINES if f"{line[0]}.{line[1]}" not in texts] == []
 

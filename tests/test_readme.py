@@ -1,4 +1,4 @@
-"""What README says is so: its figures stand where it says, and its lines are the program's."""
+"""README is true: its figures are on the linked pages, and its lines are the program's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A module's tests are found by its name: beside it in the mirrored folder, or in the list that says where they are."""
+"""A module's tests are found by its name: in the mirrored folder, or in the list of exceptions."""
 
 from __future__ import annotations
 
@@ -337,5 +337,5 @@ def test_nothing_is_listed_that_has_tests_of_its_own_name() -> None:
     assert [module for _, module in LISTED if own(module)] == []
 
 
-def test_whoever_shows_a_module_uses_it() -> None:
+def test_every_shown_module_is_used() -> None:
     assert [(test, module) for test, module in LISTED if ROOT / module not in reached(ROOT / test)] == []

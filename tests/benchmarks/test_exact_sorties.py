@@ -1,4 +1,4 @@
-"""Proven optima of small days, and the search beside them."""
+"""Proven optima of small days, compared with the search."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_packs_cost_time_where_they_are_short() -> None:
     assert solve_sorties_exact(none) is None
 
 
-def test_what_nobody_can_reach_has_no_plan_and_the_search_leaves_it_over() -> None:
+def test_unreachable_segments_have_no_plan_and_the_search_leaves_them_over() -> None:
     instance = line_instance(0, 5, budget_pct=15.0)
     assert solve_sorties_exact(instance) is None
     found = solve_sorties(instance, stop=Iterations(2_000))

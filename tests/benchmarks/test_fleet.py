@@ -18,7 +18,7 @@ from executor.site import site_model
 from executor.site.site_file import check_site
 
 
-def test_the_network_keeps_everybody_busy(tmp_path: Path) -> None:
+def test_the_network_keeps_every_vehicle_busy(tmp_path: Path) -> None:
     write_network(tmp_path / "network.graph", vehicles=3, minutes=10.0, seed=1)
     ground = site_model.load_site_model(check_site(site_of("network.graph", 3, 2.0), "fleet"), tmp_path)
     inspected_m = float(ground.network.lengths_m.sum())

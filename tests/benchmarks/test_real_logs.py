@@ -1,4 +1,4 @@
-"""Flights of real aircraft: what is declared in them, against what their logs say themselves."""
+"""Flights of real aircraft: declared faults against the logs' own statements."""
 
 from __future__ import annotations
 

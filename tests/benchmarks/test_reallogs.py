@@ -1,4 +1,4 @@
-"""The campaign over real logs, on a few that are made: what is counted, what survives, and what the page says."""
+"""The campaign over real logs, on a few generated ones: counts, failures, and the page."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def test_flights_of_one_aircraft_go_wrong_together() -> None:
     ("name", "aircraft"),
     [("owner+repo__a_b.tlog", "owner+repo"), ("hangar/a.tlog", "hangar"), ("a__b.tlog", "system 2")],
 )
-def test_whose_aircraft_it_is(name: str, aircraft: str, tmp_path: Path) -> None:
+def test_the_aircraft_of_a_log(name: str, aircraft: str, tmp_path: Path) -> None:
     assert aircraft_of(tmp_path / name, tmp_path, (7, 2)) == aircraft
 
 

@@ -1,4 +1,4 @@
-"""The measurement of how soon a flight is taken up again, on a small one."""
+"""The measured time to resume a flight, on a small one."""
 
 from __future__ import annotations
 

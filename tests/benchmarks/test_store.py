@@ -1,4 +1,4 @@
-"""Results on disk: an interrupted run goes on where it was, with the settings it began with."""
+"""Results on disk: an interrupted run resumes where it stopped, with its original settings."""
 
 from __future__ import annotations
 

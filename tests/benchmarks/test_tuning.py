@@ -44,7 +44,7 @@ def test_a_longer_time_out_finds_less(tmp_path: Path, capsys: pytest.CaptureFixt
     assert (tmp_path / "out" / "tuning.png").is_file()
 
 
-def test_a_log_that_nobody_planned_is_held_against_what_it_states(
+def test_a_log_without_truth_is_compared_with_its_own_statements(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     writer = Writer()

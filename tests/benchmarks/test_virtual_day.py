@@ -1,4 +1,4 @@
-"""Days of sorties over a site with areas, viewpoints and the asked distance, as they are truly flown."""
+"""Days of sorties over a site with areas, viewpoints and the requested distance, as really flown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Days whose sorties end at another base than they began, as they are truly flown on both simulated dialects."""
+"""Days with sorties from one base to another, as really flown on both simulated dialects."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ def test_vehicles_fly_to_the_other_base_and_back_across_an_absence(tmp_path: Pat
 
 @BOTH
 @pytest.mark.parametrize(("at_s", "where"), [(60.0, WEST), (200.0, EAST)], ids=["near the first", "near the other"])
-def test_who_is_brought_back_lands_on_the_nearer_of_its_pads(
+def test_a_recalled_vehicle_lands_on_the_nearest_of_its_pads(
     tmp_path: Path, autopilot: str, at_s: float, where: int
 ) -> None:
     ground, heard = ground_of(tmp_path, autopilot), Heard()
@@ -226,7 +226,7 @@ def test_what_a_lost_vehicle_had_is_flown_from_the_base_where_the_other_stands(t
     assert flight.report.vehicles[0].landed
 
 
-def test_who_lands_where_it_takes_off_has_one_pad(tmp_path: Path) -> None:
+def test_a_vehicle_that_lands_where_it_takes_off_has_one_pad(tmp_path: Path) -> None:
     ground = ground_of(tmp_path, "px4")
     context = fly(ground, day_of(ground, ((WEST, (0,), WEST),), ()), Heard()).context
     assert context.day is not None

@@ -1,4 +1,4 @@
-"""A flight behind one telemetry radio that another ground station fills: it goes on, and the crew is told."""
+"""A flight behind one telemetry radio that another ground station fills: it continues, and the crew is informed."""
 
 from __future__ import annotations
 

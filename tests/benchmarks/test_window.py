@@ -50,7 +50,7 @@ def test_a_claim_can_be_flown_in_other_processes(claim: Claim) -> None:
     assert pickle.dumps(claim)
 
 
-def test_losses_are_drawn_in_their_time_and_of_who_still_flies(claim: Claim) -> None:
+def test_losses_are_drawn_in_their_time_and_among_flying_vehicles(claim: Claim) -> None:
     ends_s = {vehicle.name: end for vehicle, end in zip(claim.plan.vehicles, claim.plan.durations_s, strict=True)}
     after = losses(claim, 60, seed=1)
     assert {(loss.vehicle, loss.kind) for loss in after} == {

@@ -1,4 +1,4 @@
-"""A flight much faster than real time, beside programs that want the whole computer: slower, and the same."""
+"""A flight much faster than real time on a busy computer: slower, with the same result."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def busy() -> Iterator[None]:
         yield
 
 
-async def test_nobody_is_given_up_because_the_computer_is_busy(tmp_path: Path) -> None:
+async def test_no_vehicle_is_given_up_on_a_busy_computer(tmp_path: Path) -> None:
     with busy():
         flown = await demo(tmp_path / "run", "uav2:silent@40%", speedup=SPEEDUP, patience_s=280.0)
     report = flown.report

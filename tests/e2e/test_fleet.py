@@ -1,4 +1,4 @@
-"""Whole flights over UDP: what is lost is found, what is left is finished, and the operator can leave."""
+"""Whole flights over UDP: losses are detected, the rest is finished, and the operator can end supervision."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ async def test_killed_while_they_are_set(autopilot: str, seed: int, tmp_path: Pa
         assert fleet.as_before
 
 
-async def test_nobody_says_yes(tmp_path: Path) -> None:
+async def test_without_confirmation(tmp_path: Path) -> None:
     site, _ = site_file(tmp_path, pylons=4, vehicles=2, speedup=SPEEDUP)
     run = tmp_path / "run"
     async with on_pads(site, "ardupilot") as fleet:

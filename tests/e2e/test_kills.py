@@ -1,4 +1,4 @@
-"""Killed at a random instant with kill -9, and called again: what a witness beside the vehicles saw."""
+"""Killed at a random instant with kill -9 and restarted: judged by an independent witness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The list of assets in a real browser: what is missed comes first, and any that counts may be looked at again."""
+"""The list of assets in a real browser: missed ones come first, and any that counts may be inspected again."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ async def test_a_place_under_the_pointer_is_told_with_the_height_of_its_ground()
             await expect(told).to_have_text("")
 
 
-async def test_the_layers_below_the_map_are_told_apart_and_said_whom_they_are_by() -> None:
+async def test_the_map_backgrounds_are_distinguished_and_attributed() -> None:
     ground = ground_about(np.array(PLACES_M), hills=HILLS)
     with Shown(scene_of("flying")).serving(ground) as address:
         async with browsing(address) as page:

@@ -1,4 +1,4 @@
-"""A whole flight over a radio at a serial port that somebody unplugs while both vehicles are in the air."""
+"""A whole flight over a serial radio that is unplugged while both vehicles are in the air."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flight whose process is told to end, or whose terminal is closed: it is left as with Ctrl-C, or goes on."""
+"""A flight with a terminated process or a closed terminal: it ends as with Ctrl-C, or continues."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def said(run: Path) -> list[str]:
     return [note["said"] for note in notes(run)] + [line["told"] for line in log_lines(run) if "told" in line]
 
 
-async def test_a_polite_end_before_anybody_answers(tmp_path: Path) -> None:
+async def test_a_polite_end_before_any_answer(tmp_path: Path) -> None:
     site, _ = site_file(tmp_path, pylons=8, vehicles=2, speedup=10.0)
     async with called("fly", str(site), "--yes", "--run", str(tmp_path / "run")) as flight:
         await said_in(flight.stderr, "waiting for 2 vehicles")

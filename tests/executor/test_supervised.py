@@ -1,4 +1,4 @@
-"""What goes on beside a flight: it is begun again when it dies, and what it died of is said once, in one line."""
+"""Background tasks of a flight: they are restarted when they fail, and the reason is reported once, in one line."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ async def test_other_kinds_of_mistakes_are_said_too(tmp_path: Path) -> None:
     assert said == ["internal error in a link: ValueError: a", "internal error in a link: KeyError: 'b'"]
 
 
-async def test_a_task_that_nobody_waits_for_leaves_a_line_and_no_traceback(
+async def test_a_failed_background_task_leaves_a_line_and_no_traceback(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = list[str]()

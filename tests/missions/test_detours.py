@@ -57,7 +57,7 @@ def test_the_lost_ones_pad_stays_in_the_way() -> None:
     assert priced.build_vehicle_moves("uav1", around=True).columns.centres_m == ((150.0, -8.0),)
 
 
-def test_a_column_at_either_end_is_led_around_by_nobody() -> None:
+def test_no_detour_around_a_column_at_either_end() -> None:
     columns = DetourObstacles(((50.0, 0.0),), 7.0)
     from_m = np.array([[0.0, 0.0, 10.0], [0.0, 8.0, 10.0], [45.0, 0.0, 10.0], [0.0, 0.0, 10.0]])
     to_m = np.array([[100.0, 0.0, 20.0], [100.0, 8.0, 10.0], [100.0, 0.0, 10.0], [55.0, 0.0, 10.0]])
@@ -70,7 +70,7 @@ def test_a_column_at_either_end_is_led_around_by_nobody() -> None:
     assert np.all(np.hypot(ways_m[0, :, 0] - 50.0, ways_m[0, :, 1]) >= 7.0)
 
 
-def test_the_way_back_is_the_way_out_and_nobody_changes_it_for_others() -> None:
+def test_the_path_back_is_the_path_out_and_cannot_be_changed_by_callers() -> None:
     columns = DetourObstacles(((0.0, 0.0), (9.0, 1.0)), 8.0)
     west_m, east_m = np.array([-40.0, 2.0]), np.array([40.0, -3.0])
     out_m, back_m = columns.way_m(west_m, east_m), columns.way_m(east_m, west_m)

@@ -156,7 +156,7 @@ def test_a_vehicle_on_the_ground_takes_nothing() -> None:
 
 
 @pytest.mark.parametrize(("there_m", "arrives_m_s"), [(100.0, 5.0), (1.6, 2.0)])
-def test_who_came_fast_turns_longer(there_m: float, arrives_m_s: float) -> None:
+def test_a_faster_approach_takes_a_longer_turn(there_m: float, arrives_m_s: float) -> None:
     """After 100 m it brakes from 5 m/s, after 1.6 m from the 2 m/s of its middle."""
     turning = replace(MODEL, performance=replace(PERFORMANCE, turn_s=4.0, turn_speed_power=2.0))
     there_and_back = FlightPath("uav1", (

@@ -16,7 +16,7 @@ def test_a_way_between_two_lines_leads_up_and_down() -> None:
     assert downs.tolist() == [True, False, True, False]
 
 
-def test_who_goes_on_along_the_line_stays_down() -> None:
+def test_a_vehicle_that_continues_along_the_line_stays_low() -> None:
     ups, downs = find_vertical_legs(
         LINE_M, LINE_M, np.array([False, True, False, True]), np.array([False, True, True, False])
     )
@@ -24,7 +24,7 @@ def test_who_goes_on_along_the_line_stays_down() -> None:
     assert downs.tolist() == [False, False, True, False]
 
 
-def test_in_layers_nobody_goes_up_or_down() -> None:
+def test_in_layers_no_vehicle_climbs_or_descends() -> None:
     ups, downs = find_vertical_legs(LINE_M, LINE_M + 50.0, NEVER, NEVER)
     assert not ups.any()
     assert not downs.any()

@@ -1,4 +1,4 @@
-"""Everybody inspects at the asked distance where nobody can meet it there, whatever the timing."""
+"""Inspection at the requested distance where no other vehicle can be, at any timing."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def places_m(setup: FlightSetup, path: FlightPath, rng: random.Random, count: in
 @SETUPS
 @settings(derandomize=True, deadline=None, max_examples=12)
 @given(seed=st.integers(0, 2**32 - 1), near=st.booleans())
-def test_who_comes_down_meets_nobody_whatever_the_timing(chosen: object, seed: int, near: bool) -> None:
+def test_a_descending_vehicle_meets_no_other_at_any_timing(chosen: object, seed: int, near: bool) -> None:
     setup, rng = (hills if chosen is hills else plain)(), random.Random(seed)
     routes = dealt(setup, rng, near=near)
     paths = build_first_paths(setup, routes)
@@ -146,7 +146,7 @@ def test_routes_that_share_nothing_are_all_inspected_as_asked() -> None:
             assert np.sort(leg[:, 2]) == pytest.approx(asked_m(setup, segment), abs=0.02), (name, segment)
 
 
-def test_without_the_wish_everybody_stays_in_its_layer() -> None:
+def test_without_same_distance_every_vehicle_stays_in_its_layer() -> None:
     network = line_east(5)
     usual = plan_flight_setup(network, FLEET[:2], Inspection())
     routes = {"uav1": (0, 2), "uav2": (4, 6)}
@@ -165,14 +165,14 @@ def test_a_shared_pylon_keeps_the_higher_one_in_its_layer_there() -> None:
     assert low == {"uav1": frozenset(), "uav2": frozenset({4, 5})}
 
 
-def test_who_may_not_leave_the_line_in_silence_does_not_come_down_to_it() -> None:
+def test_a_vehicle_without_a_failsafe_return_does_not_descend_to_the_line() -> None:
     setup = plan_flight_setup(line_east(7), FLEET[:2], Inspection(same_distance=True))
     routes = {"uav1": (0, 2), "uav2": (10, 8)}
     paths = build_first_paths(setup, routes, {"uav2"})
     assert find_low_segments(paths["uav2"], routes["uav2"]) == frozenset()
 
 
-def test_a_way_home_is_not_flown_into_who_is_on_the_line() -> None:
+def test_a_return_does_not_cross_a_vehicle_on_the_line() -> None:
     """Over flat ground returns are straight and in the own layer: the lower one's would cross the other's part."""
     setup = plan_flight_setup(line_east(9), FLEET[:2], Inspection(same_distance=True))
     inner_is_high = {"uav1": (12, 14), "uav2": (4, 6)}

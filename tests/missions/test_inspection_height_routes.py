@@ -1,4 +1,4 @@
-"""Routes that share a pylon: changed so that who inspects from its layer comes when the other has left."""
+"""Routes that share a pylon: changed so that the vehicle in its layer comes after the other has left."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ NEAR = (5, 3, 1)
 """The near half, from the shared pylon."""
 
 
-def test_who_is_higher_comes_to_the_shared_pylon_last() -> None:
+def test_the_higher_vehicle_reaches_the_shared_pylon_last() -> None:
     assert chosen({"uav1": NEAR, "uav2": OUT}) == {"uav1": NEAR, "uav2": BACK}
 
 
@@ -60,7 +60,7 @@ def test_nothing_is_turned_that_makes_the_plan_worse() -> None:
     assert chosen({"uav1": NEAR, "uav2": OUT}, may=False) == {"uav1": NEAR, "uav2": OUT}
 
 
-def test_who_shares_nothing_is_not_turned() -> None:
+def test_a_route_without_shared_pylons_is_not_reversed() -> None:
     routes = {"uav1": (0, 2), "uav2": (8, 10)}
     assert chosen(routes) == routes
 

@@ -1,4 +1,4 @@
-"""Layers of a fleet, and the heights at which it comes home by itself."""
+"""Layers of a fleet, and its RTL heights."""
 
 from __future__ import annotations
 

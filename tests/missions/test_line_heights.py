@@ -135,5 +135,5 @@ def test_a_depot_far_below_its_line_is_worth_a_look() -> None:
     assert text.startswith("the depot is at 450 m, the ground of pylon 'p0', 100 m away, at 530 m: are both in metres")
 
 
-def test_a_network_is_flat_only_if_somebody_says_so() -> None:
+def test_a_network_is_flat_only_if_stated() -> None:
     assert Network((Pylon("a", 49.6, 15.6), Pylon("b", 49.601, 15.6)), line_east(2).segments, FRAME).flat is False

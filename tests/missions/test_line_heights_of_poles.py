@@ -103,7 +103,7 @@ def test_a_depot_that_contradicts_the_raster(network: Network, ground: Elevation
     assert found[0].startswith("the depot is given at ")
 
 
-def test_a_pylon_on_ground_that_nobody_knows_is_named(network: Network, tmp_path: Path) -> None:
+def test_a_pylon_on_unknown_ground_is_named(network: Network, tmp_path: Path) -> None:
     east, north = network.positions_m[4].tolist()
     path = write_raster(tmp_path / "holed.tif", MOUNTAIN, holes_m=((east, north, 60.0),))
     holed = read_elevation([path], RasterOptions(network.frame, *reading_box_m(network), "egm96", 4.0))

@@ -85,7 +85,7 @@ def test_turning_on_the_spot_takes_its_time() -> None:
     assert task.instance.home_s[0, 0] == pytest.approx(2.0 + 20.0 + 0.5 + 7.5 + 10.0 + 2.0, abs=1e-3)
 
 
-def test_who_is_free_after_a_visit_is_turned_along_it() -> None:
+def test_the_rest_of_a_plan_is_priced_as_in_the_flight_that_continues() -> None:
     """What is left after a loss, written down and priced anew, takes what it takes in the flight that goes on."""
     turning = replace(MODEL, performance=replace(MODEL.performance, turn_s=2.0, turn_power=2.0))
     towards = replace(pricing(), models=dict.fromkeys(pricing().models, turning))

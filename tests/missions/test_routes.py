@@ -189,7 +189,7 @@ def test_in_the_place_of_a_way_home_stands_a_transit_even_to_where_it_begins() -
 
 
 @pytest.mark.parametrize(("north_m", "back"), [(-60.0, False), (25.0, True)])
-def test_who_turns_back_flies_straight_or_first_to_where_it_was(north_m: float, back: bool) -> None:
+def test_a_recalled_vehicle_flies_straight_or_first_to_where_it_was(north_m: float, back: bool) -> None:
     """Another's pad lies beside its way home, or between that and where it is sent, wherever it turns."""
     network = network_of([(300.0, 5.0), (200.0, 5.0), (200.0, 100.0), (300.0, 100.0)], [(0, 1), (2, 3)])
     pads = [Pad("uav1", 0.0, 0.0, 450.0), Pad("uav2", 120.0, north_m, 450.0)]

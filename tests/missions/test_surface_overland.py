@@ -96,7 +96,7 @@ def _between(begin: Waypoint, end: Waypoint, share: float) -> Waypoint:
 
 
 @pytest.mark.parametrize("seed", [1, 3])
-def test_the_margin_holds_for_who_turns_back_on_its_way_home(seed: int, tmp_path: Path) -> None:
+def test_the_margin_holds_for_a_recall_from_the_return(seed: int, tmp_path: Path) -> None:
     case = case_of(seed, tmp_path)
     paths = first_paths(case)
     for number, path in enumerate(paths):

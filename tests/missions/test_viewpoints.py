@@ -162,7 +162,7 @@ def test_a_viewpoint_in_the_ground_is_flown_as_low_as_the_ground_lets_it() -> No
     )
 
 
-def test_who_cannot_come_down_looks_from_its_layer_and_says_from_where() -> None:
+def test_a_vehicle_that_cannot_descend_inspects_from_its_layer_and_reports_it() -> None:
     """uav2 shares the pylon with uav1: its air is taken."""
     wishes = [wish(1, heights_m=(-8.0,)), wish(1, camera="ir", heights_m=(-8.0,))]
     setup, _ = looked_at(tall_line_east(), wishes)
@@ -195,7 +195,7 @@ def test_viewpoints_that_are_flown_higher_together_are_one_stop() -> None:
     assert len(higher) == 8  # each of them is named
 
 
-def test_heights_over_a_top_that_nobody_knows_are_refused() -> None:
+def test_heights_over_an_unknown_top_are_refused() -> None:
     with pytest.raises(SafetyError, match="pylon 'p1': expected elevation_m and height_m"):
         add_viewpoints(line_east(3), [wish(1, heights_m=(0.0,))], 5.0)
 
@@ -240,7 +240,7 @@ def turned_s(setup: FlightSetup, path: FlightPath, number: int, model: FlightMod
 
 @settings(derandomize=True, deadline=None, max_examples=15, phases=[Phase_.explicit, Phase_.generate])
 @given(seed=st.integers(0, 2**32 - 1))
-def test_nobody_comes_near_a_line_or_another_vehicle_whatever_is_asked(seed: int) -> None:
+def test_no_viewpoint_comes_near_a_line_or_another_vehicle(seed: int) -> None:
     network, rng = hills(), random.Random(seed)
     wishes = [
         wish(

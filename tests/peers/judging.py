@@ -1,4 +1,4 @@
-"""One vehicle, simulated or real, before a client that nobody here wrote, and what comes of it."""
+"""One vehicle, simulated or real, with a client of another project, and the result."""
 
 from __future__ import annotations
 

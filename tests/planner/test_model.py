@@ -131,7 +131,7 @@ def test_a_start_that_is_none_is_refused() -> None:
         build_instance(np.zeros((1, 2, 2)), (0, 0), fleet(1.0, start_m=(math.nan, 0.0)), UNIT)
 
 
-def test_a_fleet_of_nobody_is_refused() -> None:
+def test_an_empty_fleet_is_refused() -> None:
     with pytest.raises(InstanceError, match="at least one vehicle"):
         build_instance(np.zeros((1, 2, 2)), (0, 0), [], UNIT)
 

@@ -1,4 +1,4 @@
-"""What a search is tuned by: code is told what does not fit, and searches obey."""
+"""Tuning parameters of a search: bad values are refused, and searches obey them."""
 
 from __future__ import annotations
 

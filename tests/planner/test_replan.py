@@ -89,7 +89,7 @@ def test_a_visit_flown_to_is_finished_first() -> None:
     assert left.survivors[0].finishing == 6
 
 
-def test_who_is_on_the_way_home_flies_again_from_there() -> None:
+def test_a_returning_vehicle_flies_again_from_where_it_is() -> None:
     left = build_remaining_problem(INSTANCE, PLAN, lost=1, at_s=35.0)  # a has done its three and is home at 60
     a = left.survivors[0]
     assert (a.completed, a.finishing, a.free_s, a.spent_pct, a.budget_left_pct) == ((0, 2, 4), None, 60.0, 60.0, 140.0)
@@ -99,7 +99,7 @@ def test_who_is_on_the_way_home_flies_again_from_there() -> None:
     assert (landed.free_s, landed.spent_pct) == (70.0, 60.0)
 
 
-def test_who_must_not_fly_again_has_no_budget() -> None:
+def test_a_vehicle_that_must_not_fly_again_has_no_budget() -> None:
     left = build_remaining_problem(INSTANCE, PLAN, lost=1, at_s=35.0, fly_again=False)
     assert [survivor.budget_left_pct for survivor in left.survivors] == [0.0, 0.0]
     assert left.warm.uncovered == (0, 1)
@@ -166,7 +166,7 @@ def test_a_loss_that_cannot_be_is_refused(plan: Plan, lost: int, at_s: float, me
         build_remaining_problem(INSTANCE, plan, lost, at_s)
 
 
-def test_the_only_vehicle_leaves_nobody() -> None:
+def test_the_loss_of_the_only_vehicle_is_refused() -> None:
     with pytest.raises(PlanError, match="a is the only vehicle"):
         build_remaining_problem(line(1, 100.0), Plan((Route(0, (0,)),)), lost=0, at_s=1.0)
 

@@ -1,4 +1,4 @@
-"""What everybody carries, and when another plan is better."""
+"""The missions on board, and when another plan is better."""
 
 from __future__ import annotations
 
@@ -56,9 +56,7 @@ def test_only_visits_of_the_instance_are_carried() -> None:
 
 
 @pytest.mark.parametrize(("most_pct", "budget_pct"), [(85.0, 80.0), (80.0, 80.0), (79.0, 70.0), (0.0, 70.0)])
-def test_who_carries_more_than_its_budget_may_go_on_as_long_as_its_battery_lasts(
-    most_pct: float, budget_pct: float
-) -> None:
+def test_a_mission_over_budget_may_continue_as_long_as_the_battery_lasts(most_pct: float, budget_pct: float) -> None:
     """Its route takes 80 %."""
     instance = grant_onboard_budgets(line(70.0, 90.0), [(0, 2, 4), ()], [most_pct, 100.0])
     assert [vehicle.budget_pct for vehicle in instance.vehicles] == [budget_pct, 90.0]

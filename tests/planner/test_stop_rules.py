@@ -43,7 +43,7 @@ def test_first_feasible_also_stops_where_nothing_is() -> None:
     assert (hopeless.allowed, hopeless.reason) == (0, "no feasible plan exists")
 
 
-def test_somebody_outside_can_stop_it() -> None:
+def test_another_thread_can_stop_it() -> None:
     orders = iter([False, True])
     rule = Cancelled(lambda: next(orders))
     assert rule(EARLY).allowed > 10**9

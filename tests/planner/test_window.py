@@ -84,7 +84,7 @@ def test_the_loss_that_ends_the_window() -> None:
     }
 
 
-def test_nobody_flies_twice_where_it_is_not_allowed() -> None:
+def test_no_vehicle_flies_twice_where_it_is_not_allowed() -> None:
     instance = line(4, 200.0, 200.0)
     assert replan_window(instance, PLAN, fly_again=False).breaking == CriticalLoss(vehicle=1, from_s=30, to_s=40)
     check_rows(instance, PLAN, fly_again=False)
@@ -155,13 +155,13 @@ def test_nothing_to_do_is_a_full_window() -> None:
     assert list(iterate_losses(line(0, 1.0, 1.0), idle)) == []
 
 
-def test_nobody_who_flies_can_be_lost() -> None:
+def test_no_flying_vehicle_can_be_lost() -> None:
     idle = Plan((Route(0, ()), Route(1, ())), (0,))
     assert find_repairs_at(line(1, 99.0, 99.0), idle, 0.0) == ()
     assert list(iterate_losses(line(1, 99.0, 99.0), idle)) == []
 
 
-def test_the_only_one_who_flies_and_has_nothing_to_do_can_be_lost() -> None:
+def test_the_only_flying_vehicle_can_be_lost_if_it_has_no_segments() -> None:
     vehicles = [*fleet(200.0), Vehicle("b", (0.0, 10.0), 200.0, airborne=True)]
     instance = build_instance([[[0.0, 0.0], [10.0, 0.0]]], (0.0, 0.0), vehicles, UNIT)
     idle = Plan((Route(0, ()), Route(1, ())), (0,))
@@ -176,7 +176,7 @@ def test_a_loss_on_a_line_of_one_segment_is_one() -> None:
     assert [left.open_segments for left, _ in find_repairs_at(instance, plan, 5.0)] == [(0,)]
 
 
-def test_one_vehicle_has_nobody_left() -> None:
+def test_a_fleet_of_one_has_no_survivor() -> None:
     instance, plan = line(1, 99.0), Plan((Route(0, (0,)),))
     with pytest.raises(PlanError, match="when it is lost"):
         replan_window(instance, plan)

@@ -115,7 +115,7 @@ def test_a_parameter_that_stays_as_it_is() -> None:
     assert machine.outcome == Rejected("RTL_ALT stays 0")
 
 
-def test_a_parameter_that_nobody_answers() -> None:
+def test_a_parameter_request_without_an_answer() -> None:
     machine, sent = play(ParameterDialogue("RTL_ALT"), [Told(ParamValue("OTHER", 0.0, 9), 0.1)])
     assert sent == [SendParamRequest("RTL_ALT")] * parameter_dialogue.TRIES
     assert machine.outcome == TimedOut("RTL_ALT: no answer")

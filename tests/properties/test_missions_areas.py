@@ -181,7 +181,7 @@ def turning_ways(dice: random.Random, found: World, path: FlightPath) -> Iterato
 
 
 @pytest.mark.parametrize("seed", range(WORLDS))
-def test_who_turns_back_anywhere_on_its_way_home_keeps_out_of_areas_and_columns(seed: int) -> None:
+def test_a_recall_anywhere_on_the_return_avoids_areas_and_columns(seed: int) -> None:
     found, dice = world(seed), random.Random(3000 + seed)
     setup = found.setup
     for flight in range(FLIGHTS):
@@ -266,7 +266,7 @@ def test_no_way_is_longer_than_one_along_finely_rounded_corners(seed: int) -> No
     assert reach[-1] - 0.1 <= length_m <= 1.02 * reach[-1] + 1.0
 
 
-def test_who_starts_in_an_area_leaves_it_by_the_nearest_way_out() -> None:
+def test_a_start_inside_an_area_leaves_it_by_the_shortest_path() -> None:
     square = ((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0))
     graph = build_visibility_graph((Obstacle((square,), 10.0),))
     (way,) = graph.ways_m(np.array([[90.0, 40.0]]), np.array([[-200.0, 50.0]]))

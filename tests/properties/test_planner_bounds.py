@@ -32,7 +32,7 @@ def test_where_a_plan_is_found_it_was_not_impossible(
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(1, 12), st.floats(0, 1.2), st.integers(0, 2), st.booleans())
-def test_a_loss_leaves_a_problem_whose_figures_continue_the_old_ones(
+def test_a_loss_leaves_a_problem_with_consistent_figures(
     seed: int, segments: int, share: float, lost: int, fly_again: bool
 ) -> None:
     vehicles = [Vehicle(f"uses {factor}", (0.0, 0.0), 60.0, factor) for factor in (1.0, 1.1, 1.3)]

@@ -207,7 +207,7 @@ def test_a_large_network_is_covered_though_locks_are_far_from_their_vehicles_rou
 
 @settings(max_examples=6, **LOOSE)
 @given(st.integers(0, 1000), st.booleans(), st.floats(0.8, 1.3))
-def test_losses_that_nobody_decides_exactly_are_repaired_too(seed: int, airborne: bool, consumption: float) -> None:
+def test_losses_beyond_exact_proof_are_repaired_too(seed: int, airborne: bool, consumption: float) -> None:
     """With so much energy any two of three can do everything, but not what is locked to the third."""
     vehicles = [Vehicle(f"v{number}", (0.0, 0.0), 300.0, consumption, airborne=airborne) for number in range(3)]
     locked, directions = {segment: segment % 3 for segment in range(0, 24, 2)}, dict.fromkeys(range(0, 24, 5), True)
@@ -222,7 +222,7 @@ def test_losses_that_nobody_decides_exactly_are_repaired_too(seed: int, airborne
         assert find_broken_locks(left.instance, ways, row.plan) == []
 
 
-def test_who_stands_on_the_ground_begins_with_what_was_locked_to_the_lost() -> None:
+def test_a_vehicle_on_the_ground_begins_with_segments_locked_to_the_lost_one() -> None:
     vehicles = [Vehicle(f"v{number}", (0.0, 0.0), 300.0, 1.2) for number in range(2)]
     instance = lock(random_instance(1, 16, vehicles), dict.fromkeys(range(16), 1), {})
     plan = solve(instance, cost=Cost.MINSUM, stop=Iterations(100)).plan

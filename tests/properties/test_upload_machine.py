@@ -131,7 +131,7 @@ def test_every_result_after_the_last_item(dialect: Dialect, result: int) -> None
         assert machine.outcome == Rejected(f"mission refused: {RESULT_NAMES[result]}")
 
 
-def test_a_result_that_nobody_knows_yet_is_named_by_its_number() -> None:
+def test_an_unknown_result_is_named_by_its_number() -> None:
     machine, _ = told(PX4, MissionAck(99))
     assert machine.outcome == Rejected("mission refused: result 99")
 

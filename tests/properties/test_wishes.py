@@ -1,4 +1,4 @@
-"""Whatever an operator asks for, and whenever: nobody who was taken out flies again unasked, and the flight ends."""
+"""Any intents at any time: no excluded vehicle flies again without confirmation, and the flight ends."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def until_down(flight: Flight) -> None:
 
 
 @KINDS
-def test_a_pilot_who_takes_over_holds_it_in_the_air_until_he_returns_it(kind: AutopilotKind) -> None:
+def test_a_pilot_who_takes_over_holds_it_in_the_air_until_handing_it_back(kind: AutopilotKind) -> None:
     flight = flying(kind, f"uav1:pilot={LOITERS[kind]}@40s", f"uav1:pilot={MISSIONS[kind]}@100s")
     flight.run_until(lambda: f"pilot {LOITERS[kind]}" in flight.what())
     flight.run(10.0)
@@ -120,7 +120,7 @@ def test_a_kill_switch_high_up_is_a_crash(kind: AutopilotKind) -> None:
 
 
 @KINDS
-def test_nobody_disarms_a_vehicle_in_the_air_by_the_sticks(kind: AutopilotKind) -> None:
+def test_the_sticks_do_not_disarm_a_vehicle_in_the_air(kind: AutopilotKind) -> None:
     flight = flying(kind, "uav1:disarm@40s")
     flight.run_until(lambda: "fault uav1:disarm@40s" in flight.what())
     flight.run(5.0)

@@ -62,7 +62,7 @@ def test_it_lives_no_further_than_can_be_followed() -> None:
     assert kept.stations.safe_time_s() == 50.1 + AHEAD_S
 
 
-def test_nobody_takes_in_what_was_not_said() -> None:
+def test_no_client_receives_what_was_not_sent() -> None:
     kept = Kept()
     kept.takes(1e9)
     assert kept.stations.safe_time_s() == 50.0 + AHEAD_S
@@ -85,7 +85,7 @@ def test_one_that_has_gone_is_not_waited_for() -> None:
     assert kept.stations.moved.is_set()
 
 
-def test_who_does_not_greet_is_not_waited_for() -> None:
+def test_a_client_that_does_not_greet_is_not_waited_for() -> None:
     stations, wire = Stations(SPEEDUP, float), Wire()
     station = Station(stations)
     station.connection_made(wire)

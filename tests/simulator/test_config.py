@@ -57,6 +57,6 @@ def test_several_vehicles_may_call_one_port() -> None:
     assert len(SimFleet(vehicles).vehicles) == 3
 
 
-def test_a_fault_of_nobody_is_refused() -> None:
+def test_a_fault_of_an_unknown_vehicle_is_refused() -> None:
     with pytest.raises(FaultSpecError, match="no vehicle 'uav9', expected one of all, uav1"):
         SimFleet((sim_vehicle(AutopilotKind.PX4),), faults=(parse_fault("uav9:crash@0s"),))

@@ -109,7 +109,7 @@ def test_a_share_counts_distance_and_not_time() -> None:
     assert is_due(fault, 1.0, 0.4)
 
 
-def test_all_befalls_everybody() -> None:
+def test_all_means_every_vehicle() -> None:
     faults = [parse_fault("all:loss=0.1@0s"), parse_fault("b:crash@0s")]
     assert faults_of(faults, "a") == (faults[0],)
     assert faults_of(faults, "b") == tuple(faults)

@@ -83,7 +83,7 @@ def test_an_answer_that_was_lost_is_given_again_and_nothing_is_done_twice() -> N
     assert client.ask(Ftp.CREATEDIRECTORY, b"folder")[0][3] == Ftp.NAK
 
 
-def test_a_file_that_nobody_asks_for_is_closed() -> None:
+def test_an_idle_file_is_closed() -> None:
     client = Client(AutopilotKind.PX4)
     client.put(b"note", b"a")
     client.ask(Ftp.OPENFILERO, b"note")

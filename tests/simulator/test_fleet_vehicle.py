@@ -192,7 +192,7 @@ def test_a_reboot_in_the_air_is_a_crash(kind: AutopilotKind) -> None:
 
 
 @KINDS
-def test_a_crash_of_who_lies_destroyed_lets_nothing_be_heard_again(kind: AutopilotKind) -> None:
+def test_a_crash_of_a_destroyed_vehicle_brings_no_message_back(kind: AutopilotKind) -> None:
     flight = Flight(kind, "uav1:reboot@20s", "uav1:crash@40s")
     flight.start()
     flight.run(60)

@@ -513,7 +513,7 @@ def test_other_actions(action: int, mode: int) -> None:
     assert op.vehicle.mode == mode
 
 
-def test_texts_are_withheld_while_nobody_listens_and_telemetry_is_not() -> None:
+def test_texts_are_withheld_without_a_listener_and_telemetry_is_not() -> None:
     op = cruising(speed(5), waypoint(900, 0))
     op.heartbeats = False
     op.run(13)

@@ -162,7 +162,7 @@ def test_vehicles_get_the_same_share() -> None:
     assert all(heard.raw[place, True] for place in range(3)), "all hear the ground"
 
 
-def test_a_mesh_lets_everybody_speak_seven_times_in_ten_seconds() -> None:
+def test_a_mesh_gives_every_node_seven_turns_in_ten_seconds() -> None:
     """Published: a round trip takes 1 to 2 s."""
     trips_s = []
     for number in range(40):

@@ -214,7 +214,7 @@ def test_a_list_that_is_not_known_is_unsupported() -> None:
     assert acks(operator().send(MissionCount(3, 3))) == [3]
 
 
-def test_the_older_item_message_is_sent_to_those_who_ask_for_it() -> None:
+def test_the_older_item_message_is_sent_on_request() -> None:
     op = operator()
     op.upload(LIST)
     answer, advice = op.send(MissionRequest(3, 0, integer=False))

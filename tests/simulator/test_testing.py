@@ -72,7 +72,7 @@ def test_a_stepped_fleet_lives_only_while_it_is_told_to(plug: socket.socket) -> 
     assert living[0].truth.armed, "what was true at the end can be read behind it"
 
 
-def test_a_fleet_whose_time_passes_is_waited_for_and_not_advanced(plug: socket.socket) -> None:
+def test_a_fleet_in_running_time_is_waited_for_and_not_advanced(plug: socket.socket) -> None:
     with fleet(speedup=10.0) as living:
         with pytest.raises(FleetError, match="only one with stepped=True is advanced"):
             living.advance(1.0)

@@ -1,4 +1,4 @@
-"""Time that jumps: nobody waits, and everything keeps its order."""
+"""Virtual time: no real waiting, and every event keeps its order."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_what_a_thread_does_is_waited_for() -> None:
     assert run_virtual(work) == ("done", 0.0)
 
 
-def test_who_keeps_the_loop_from_running_lets_time_pass_for_all() -> None:
+def test_blocking_the_loop_lets_time_pass_for_all() -> None:
     async def work() -> list[float]:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, VirtualLoop)

@@ -1,4 +1,4 @@
-"""Who has a real vehicle, from its own log: what it was commanded, by whom, while somebody else had it."""
+"""The party in control of a real vehicle, from its own log: commands and their senders in that time."""
 
 from __future__ import annotations
 

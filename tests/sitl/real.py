@@ -1,4 +1,4 @@
-"""Real autopilots in software in the loop: started on free ports beside a flight, and stopped with it."""
+"""Real autopilots in software in the loop: started on free ports for a flight, and stopped with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A pack of half the capacity that its vehicle was planned with, on real autopilots: what is said of it, and when."""
+"""A pack with half of the planned capacity, on real autopilots: the lines about it, and when."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everybody at the asked distance, on real autopilots: who shares a pylon comes down once the other has left it."""
+"""All vehicles at the requested distance, on real autopilots: at a shared pylon one descends after the other."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def all_as_asked(autopilot: Autopilot, tmp_path: Path, routes: Mapping[str, tupl
 @pytest.mark.sitl
 @pytest.mark.timeout(580)
 @BOTH
-def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_vehicles_at_a_shared_pylon_descend_once_the_other_has_left(autopilot: Autopilot, tmp_path: Path) -> None:
     done = all_as_asked(autopilot, tmp_path, ROUTES, "uav2")
     assert "uav2: airspace at V104.1 is free; new mission at inspection height" in done.said
 

@@ -1,4 +1,4 @@
-"""Real autopilots with a fence of their own: it is on board and read back, and who leaves it comes home, declared."""
+"""Real autopilots with a fence each: verified by read-back, and a vehicle that leaves it returns, declared lost."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def as_items(frames: Sequence[mav.MAVLink_mission_item_int_message]) -> list[Mis
 
 
 @BOTH
-def test_who_leaves_its_fence_comes_home_and_is_declared(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_a_vehicle_that_leaves_its_fence_returns_and_is_declared_lost(autopilot: Autopilot, tmp_path: Path) -> None:
     look = Look(autopilot)
     flight = flown(autopilot, Story(look.strike, fence=FENCE), tmp_path)
     print(flight.said)

@@ -1,4 +1,4 @@
-"""Who flies above a climbing RTL waits for it, on real autopilots: by their own positions."""
+"""A vehicle above a climbing RTL waits for it, on real autopilots, judged by their own positions."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def speeds_m_s(done: Flown, name: str, from_s: float, to_s: float) -> list[float
 @pytest.mark.sitl
 @pytest.mark.timeout(580)
 @BOTH
-def test_who_flies_above_a_climbing_rtl_is_slow_until_it_is_over(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_a_vehicle_above_a_climbing_rtl_is_slow_until_it_is_over(autopilot: Autopilot, tmp_path: Path) -> None:
     story = Story(
         strike=switches(autopilot, "stands"), at=is_under_its_way, lift=switches(autopilot, "rtl"),
         lift_at=above_comes_near, prepared=routed, flight={"fly_again": "ask", "pilot_grace_s": 600.0},

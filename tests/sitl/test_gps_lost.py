@@ -1,4 +1,4 @@
-"""A real autopilot loses its GPS in flight: that is said, and its place is told as the last fix and its age."""
+"""A real autopilot loses its GPS in flight: reported with the last fix and its age."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is hostile on a link: all silent at once, another station's mission, and forged frames; with real autopilots."""
+"""Hostile links: all lost at once, another station's mission, and forged frames; with real autopilots."""
 
 from __future__ import annotations
 

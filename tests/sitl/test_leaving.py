@@ -80,7 +80,7 @@ async def taken_up(run: Path) -> dict[str, Any]:
 
 
 @BOTH
-def test_who_is_given_a_mission_as_the_operator_leaves_has_a_whole_one(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_an_upload_at_the_end_of_supervision_leaves_a_whole_mission(autopilot: Autopilot, tmp_path: Path) -> None:
     if not autopilot.binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
     story = Story(settings=NO_FAILSAFE[autopilot], relayed=NAMES)

@@ -1,4 +1,4 @@
-"""Two real vehicles with one system number behind one radio: the checklist says so, and nothing is touched on board."""
+"""Two real vehicles with one system id behind one radio: the checklist reports it, and nothing is changed on board."""
 
 from __future__ import annotations
 

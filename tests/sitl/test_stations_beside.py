@@ -1,4 +1,4 @@
-"""MAVProxy, and a station that asks for everything as QGroundControl does, beside three real vehicles on one radio."""
+"""MAVProxy, and a station that requests everything as QGroundControl does, with three real vehicles on one radio."""
 
 from __future__ import annotations
 

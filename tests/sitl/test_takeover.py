@@ -184,7 +184,7 @@ def later(delay_s: float, act: Callable[[RealVehicle], None]) -> Callable[[RealV
 
 
 @pytest.mark.timeout(580)
-def test_a_pilot_who_holds_px4_in_its_failsafes_hold_has_it(tmp_path: Path) -> None:
+def test_a_pilot_who_holds_px4_during_its_failsafe_hold_has_it(tmp_path: Path) -> None:
     """The mode does not change by it, and the failsafe does not act any more."""
     story = story_of(
         PX4, strike=empties, lift=both(switches(PX4, "loiter"), later(40.0, switches(PX4, "rtl"))), lasts_s=2.0,

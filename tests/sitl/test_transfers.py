@@ -121,7 +121,7 @@ def _look(upload: UploadDialogue, dialect: Dialect) -> None:
     assert upload.checksum == expected
 
 
-def test_streams_that_nobody_asked_for_are_off_and_come_again(tmp_path: Path) -> None:
+def test_unasked_streams_are_off_and_restored(tmp_path: Path) -> None:
     if PX4.binary is None:
         pytest.skip(f"{PX4.variable}: expected the path of a real {PX4.name}")
     wanted = Wanted({pad.vehicle: pad for pad in SETUP.pads}, SETUP.frame, 1.0, {}, frozenset())

@@ -1,4 +1,4 @@
-"""Who is sent back from its way home, on real autopilots: not straight, where an area lies between."""
+"""A vehicle recalled from its return, on real autopilots: not straight through an area in between."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def comes_home(_: VehicleState, state: FleetState) -> bool:
 @pytest.mark.sitl
 @pytest.mark.timeout(580)
 @BOTH
-def test_who_is_sent_back_from_its_way_home_flies_around_the_area_between(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_a_vehicle_recalled_from_its_return_avoids_the_area_between(autopilot: Autopilot, tmp_path: Path) -> None:
     frame = site_model.load_site_model(site_of(autopilot, Story()), tmp_path).network.frame
     polygon = [frame.to_wgs84_deg(*corner) for corner in AREA_M]
     story = Story(

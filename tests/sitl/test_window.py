@@ -53,9 +53,7 @@ def tight(autopilot: Autopilot, share: float) -> Story:
 
 @BOTH
 @pytest.mark.parametrize("share", [0.02, 0.4, 0.8])
-def test_who_is_lost_after_the_claimed_time_leaves_nothing_over(
-    autopilot: Autopilot, share: float, tmp_path: Path
-) -> None:
+def test_a_loss_after_the_claimed_time_leaves_nothing_over(autopilot: Autopilot, share: float, tmp_path: Path) -> None:
     """Everything is inspected, and the others stand at home with no more than their budgets used.
 
     One that is about to land may be sent out again for it: then the first re-plan leaves something over.

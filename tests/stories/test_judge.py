@@ -91,7 +91,7 @@ def test_an_order_in_a_landing_or_a_failsafe() -> None:
     assert rules(flown(*acting)) == ["emergency"]
 
 
-def test_a_take_off_that_nobody_asked_for() -> None:
+def test_a_take_off_without_a_request() -> None:
     again = flown(*BEGUN, *ENDED, (340.0, "order command 400 1"), (340.1, "armed"), (380.0, "disarmed"))
     assert rules(again) == ["arming"]
     assert rules(asked(again, 335.0, Action.INCLUDE)) == []
@@ -111,7 +111,7 @@ def test_motors_that_stop_before_the_take_off_leave_it_on_its_pad() -> None:
     assert rules(said(emptied, 14.0, "uav1: landed with 90 %")) == []
 
 
-def test_who_comes_down_elsewhere_is_announced_with_its_place() -> None:
+def test_a_vehicle_down_off_its_pad_is_announced_with_its_place() -> None:
     silent = flown(*BEGUN, *ENDED, away=True)
     assert rules(silent) == ["elsewhere"]
     told = said(silent, 325.0, "uav1: down at 49.60200, 15.60000: keep away", Level.FAULT)
@@ -130,7 +130,7 @@ def test_that_motors_have_stopped_is_known_with_the_next_heartbeat(at_s: float, 
     assert rules(said(told, at_s, line, Level.FAULT)) == found
 
 
-def test_a_fault_of_nothing_and_a_takeover_by_nobody() -> None:
+def test_a_fault_without_a_cause_and_a_takeover_without_a_pilot() -> None:
     calm = flown(*BEGUN, *ENDED)
     assert rules(said(calm, 100.0, "uav1: battery, below its reserve at landing with 100 %", Level.FAULT)) == [
         "line", "line",
@@ -152,7 +152,7 @@ def test_a_segment_that_counts_and_was_never_flown() -> None:
 
 
 @pytest.mark.parametrize(("mode", "found"), [("LAND", []), ("RTL", ["line"])])
-def test_a_pilot_who_asks_for_the_mode_that_a_failsafe_chose_has_not_done_it(mode: str, found: list[str]) -> None:
+def test_a_pilots_request_for_the_failsafes_mode_is_not_the_cause(mode: str, found: list[str]) -> None:
     told = flown(*BEGUN, (100.0, "failsafe ekf"), (100.0, "mode LAND"), (101.0, f"pilot {mode}"), *ENDED)
     line = "uav1: interruption, LAND by its own failsafe; it says: EKF Failsafe; returning or landing by itself"
     assert rules(said(told, 101.3, line)) == found

@@ -1,4 +1,4 @@
-"""Flights that have something to see: pictures prove the spans, what is lost is asked for, what was not seen is flown
+"""Flights with cameras: pictures prove the spans, lost messages are requested again, unseen assets are flown
 again, and a camera that fails is found."""
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ def again(*assets: int | str) -> Do:
 @pytest.mark.asyncio
 @LOOPTIME
 @pytest.mark.parametrize("autopilot", DIALECTS)
-async def test_a_span_whose_picture_nobody_likes_is_seen_once_more(autopilot: str) -> None:
+async def test_a_span_with_a_rejected_picture_is_inspected_again(autopilot: str) -> None:
     moment = Moment(first(counts(0), on_segment("uav1", 2)), again("segment 0"))
     sky = Eyes(story(moment, fleet=FOUR), autopilot)
     flown = await sky.fly()
@@ -194,7 +194,7 @@ async def test_a_span_whose_picture_nobody_likes_is_seen_once_more(autopilot: st
 
 @pytest.mark.asyncio
 @LOOPTIME
-async def test_a_pylon_whose_pictures_nobody_likes_is_flown_around_once_more() -> None:
+async def test_a_pylon_with_rejected_pictures_is_inspected_again() -> None:
     fleet: Routes = {"uav1": (4, 0), "uav2": (2,)}
     moment = Moment(counts(2), again("pylon p1"))
     sky = Eyes(story(moment, fleet=fleet), "ardupilot", [MAVLINK], [AROUND], pylons=3)
@@ -207,7 +207,7 @@ async def test_a_pylon_whose_pictures_nobody_likes_is_flown_around_once_more() -
 @pytest.mark.asyncio
 @LOOPTIME
 @pytest.mark.parametrize("autopilot", DIALECTS)
-async def test_viewpoints_above_each_other_are_one_picture_for_who_stays_in_its_layer(autopilot: str) -> None:
+async def test_viewpoints_above_each_other_are_one_picture_from_the_layer(autopilot: str) -> None:
     fleet: Routes = {"uav1": (0, 2), "uav2": (4,)}
     told_so = story(fleet=fleet, inspection={"same_distance": True})
     sky = Eyes(told_so, autopilot, [MAVLINK], [BELOW], pylons=3, tall=True)

@@ -1,4 +1,4 @@
-"""Another ground station joins over `[forward]` in mid-flight, on a radio that it could fill: the flight goes on."""
+"""Another ground station joins over `[forward]` in mid-flight, on a radio that it could fill: the flight continues."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every story on both dialects: it ends, nobody is commanded who should not be, and every line is true.
+"""Every story on both dialects: it ends, no vehicle is commanded that should not be, and every line is true.
 
 `./scripts/stories` flies all of them; the ordinary suite a sample.
 """

@@ -46,7 +46,7 @@ def faults(stormed: Stormed) -> list[str]:
 
 @DIALECTS
 @pytest.mark.parametrize("what", HARMLESS)
-def test_what_anybody_may_send_ends_nothing(autopilot: str, what: str) -> None:
+def test_no_foreign_frame_ends_a_flight(autopilot: str, what: str) -> None:
     stormed = flown(autopilot, HARMLESS[what])
     assert faults(stormed) == []
     assert not any(line.text.startswith("re-plan") for _, line in stormed.flown.said)
@@ -88,14 +88,14 @@ def test_a_solver_that_hangs_is_done_without(autopilot: str) -> None:
 
 
 @DIALECTS
-def test_a_kill_switch_on_who_stands_by_keeps_it_on_the_ground(autopilot: str) -> None:
+def test_a_kill_switch_on_a_spare_keeps_it_on_the_ground(autopilot: str) -> None:
     stormed = flown(autopilot, Happening("kill", "uav4", AT_S), Happening("crash", "uav2", AT_S + 2.0), spare=True)
     assert "uav4: its kill switch is on; no start until included" in faults(stormed)
     assert not any(one.what == "armed" for one in stormed.flown.truths if one.vehicle == "uav4")
 
 
 @DIALECTS
-def test_who_comes_back_with_work_that_another_was_given_is_planned_for(autopilot: str) -> None:
+def test_a_regained_vehicle_with_reassigned_segments_is_re_planned(autopilot: str) -> None:
     words = MISSION[autopilot]
     taken = Happening("pilot", "uav1", 12.0, 40.0, word=f"{words['hold']} {words['mission']}")
     routes = {"uav1": (0, 2, 4, 6), "uav2": ()}
@@ -114,7 +114,7 @@ def test_a_ground_station_that_is_killed_as_the_flight_ends_finds_it_over() -> N
     assert stormed.flown.ended_s is not None
 
 
-def test_who_lost_charge_while_nobody_heard_it_landed_with_what_is_left() -> None:
+def test_a_vehicle_that_used_charge_without_a_link_landed_with_the_rest() -> None:
     silent, emptied = Happening("silent", "uav1", 10.0, 63.6), Happening("emergency", "uav1", 13.2, word="RTL")
     stormed = fly(Plot(1, "ardupilot", "apart", {"uav1": (3, 1)}, (silent, emptied)))
     assert findings(stormed) == []

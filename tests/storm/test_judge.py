@@ -1,4 +1,4 @@
-"""The judge of storms sees what must not be, and excuses what nobody on the ground can help; by truths made for it."""
+"""The judge of storms detects failures, and excuses what no ground station can know, on truths made for it."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ def rules(told: Stormed) -> set[str]:
 
 
 @pytest.mark.parametrize(("falls", "found"), [(None, {"apart"}), ("reboot", set()), ("crash", set())])
-def test_who_falls_through_anothers_layer_did_not_fly_there(falls: str | None, found: set[str]) -> None:
+def test_a_fall_through_anothers_layer_is_no_flight_in_it(falls: str | None, found: set[str]) -> None:
     near = tuple(truth(name, 100.0, "at", PADS["uav1"], up_m) for name, up_m in (("uav1", 12.0), ("uav2", 14.0)))
     fault = (("uav2", 99.0, f"fault uav2:{falls}@0s"),) if falls else ()
     assert rules(stormed(*fault, truths=near)) == found
 
 
 @pytest.mark.parametrize(("left_pct", "found"), [(1.0, {"apart"}), (0.0, set())])
-def test_who_falls_with_an_empty_battery_does_not_fly_through_anothers_layer(left_pct: float, found: set[str]) -> None:
+def test_a_fall_with_an_empty_battery_is_no_flight_in_anothers_layer(left_pct: float, found: set[str]) -> None:
     at = {name: truth(name, 120.0, "at", PADS["uav1"], 30.0) for name in PADS}
     at["uav2"] = replace(at["uav2"], charge_pct=left_pct)
     assert {one.rule for one in findings(stormed(truths=tuple(at.values())))} == found
@@ -79,7 +79,7 @@ def test_who_falls_with_an_empty_battery_does_not_fly_through_anothers_layer(lef
 @pytest.mark.parametrize(("unseen", "ends", "found", "on_page"), [
     (True, "fell", set(), set()), (False, "fell", {"line"}, {"page"}), (True, "crash", {"line"}, set()),
 ])  # fmt: skip
-def test_who_is_stopped_low_over_its_pad_and_comes_down_whole_unseen_is_taken_for_landed(
+def test_an_unobserved_soft_drop_onto_the_pad_counts_as_landed(
     unseen: bool, ends: str, found: set[str], on_page: set[str]
 ) -> None:
     silence = (("uav1", 100.0, "fault uav1:silent=60s@0s"),) if unseen else ()
@@ -92,14 +92,14 @@ def test_who_is_stopped_low_over_its_pad_and_comes_down_whole_unseen_is_taken_fo
 
 
 @pytest.mark.parametrize(("killed_s", "found"), [(320.0, set()), (310.0, {"line"}), (None, {"line"})])
-def test_who_is_killed_in_the_moment_of_its_landing_is_down_by_either(killed_s: float | None, found: set[str]) -> None:
+def test_a_kill_at_touchdown_may_be_either(killed_s: float | None, found: set[str]) -> None:
     kill = () if killed_s is None else (("uav1", killed_s, "kill"),)
     line = "uav1: down at 49.60000, 15.60000, disarmed"
     assert rules(said(stormed(*kill), 324.0, line)) == found
 
 
 @pytest.mark.parametrize(("kind", "found"), [("bursts", set()), ("wind", {"page"})])
-def test_who_chooses_in_a_burst_what_a_failsafe_chooses_is_not_known(kind: str, found: set[str]) -> None:
+def test_a_mode_of_pilot_and_failsafe_in_one_burst_has_an_unknown_source(kind: str, found: set[str]) -> None:
     began = (Happening(kind, "uav1", 95.0, 10.0),)
     told = stormed(("uav1", 100.0, "pilot LAND"), ("uav1", 100.0, "mode LAND"), began=began)
     shown = replace(told.flown, shown=(Shown(120.0, "uav1", "returning"),))
@@ -107,7 +107,7 @@ def test_who_chooses_in_a_burst_what_a_failsafe_chooses_is_not_known(kind: str, 
 
 
 @pytest.mark.parametrize(("kind", "found"), [("downlink lost", set()), ("wind", {"page"})])
-def test_who_is_sent_home_while_nothing_comes_from_it_may_have_come_by_its_failsafe(kind: str, found: set[str]) -> None:
+def test_an_rtl_ordered_without_a_link_may_be_the_failsafes(kind: str, found: set[str]) -> None:
     began = (Happening(kind, "uav1", 80.0, 25.0),)
     chosen = (("uav1", 99.0, "pilot LAND"), ("uav1", 99.0, "mode LAND"), ("uav1", 100.0, "pilot RTL"))
     told = stormed(*chosen, ("uav1", 100.0, "mode RTL"), began=began)
@@ -118,16 +118,14 @@ def test_who_is_sent_home_while_nothing_comes_from_it_may_have_come_by_its_fails
 @pytest.mark.parametrize(("acts", "mode", "found"), [
     (True, "LAND", set()), (True, "LOITER", {"line"}), (False, "LAND", {"line"}),
 ])  # fmt: skip
-def test_who_chooses_a_way_home_while_a_failsafe_does_is_not_told_from_it(
-    acts: bool, mode: str, found: set[str]
-) -> None:
+def test_a_pilots_return_during_a_failsafe_return_is_not_distinguished(acts: bool, mode: str, found: set[str]) -> None:
     acted = (("uav1", 100.0, "failsafe fence"),) if acts else ()
     told = stormed(*acted, ("uav1", 100.7, f"pilot {mode}"), ("uav1", 100.7, f"mode {mode}"))
     told = said(told, 101.5, "uav1: fence, its fence is breached; returning or landing by itself, not commanded")
     assert rules(told) & {"line"} == found
 
 
-def test_who_crashes_as_it_boots_says_nothing_more() -> None:
+def test_a_crash_during_boot_sends_nothing_more() -> None:
     began = (Happening("frozen", "uav1", 50.0, 48.0),)
     fell = tuple(truth("uav1", 99.0, what, (49.601, 15.6)) for what in ("crash", "disarmed"))
     told = stormed(("uav1", 55.0, "fault uav1:reboot@0s"), truths=fell, began=began, ended=("uav2",))
@@ -135,18 +133,14 @@ def test_who_crashes_as_it_boots_says_nothing_more() -> None:
 
 
 @pytest.mark.parametrize(("silent", "found"), [(("uav1", "uav2"), set()), (("uav1",), {"ends"})])
-def test_a_flight_that_is_taken_up_while_nobody_ever_answers_does_not_end(
-    silent: tuple[str, ...], found: set[str]
-) -> None:
+def test_a_resumed_flight_without_any_answer_does_not_end(silent: tuple[str, ...], found: set[str]) -> None:
     never = tuple((name, 200.0, f"fault {name}:silent@0s") for name in silent)
     told = stormed(*never, began=(Happening("ground killed", "ground", 190.0, 30.0),))
     assert rules(replace(told, flown=replace(told.flown, ended_s=None))) == found
 
 
 @pytest.mark.parametrize(("again_s", "found"), [(323.5, set()), (None, {"page"})])
-def test_who_stops_its_motors_and_is_sent_up_again_at_once_was_landed_between(
-    again_s: float | None, found: set[str]
-) -> None:
+def test_a_disarmed_vehicle_sent_up_again_was_landed_in_between(again_s: float | None, found: set[str]) -> None:
     """Looked at just before and just after, its motors are on."""
     ends = ((300.0, "descends"), (320.0, "landed")) if again_s is None else ENDED
     again = ((again_s, "order command 400 1"), (again_s, "armed")) if again_s is not None else ()
@@ -155,7 +149,7 @@ def test_who_stops_its_motors_and_is_sent_up_again_at_once_was_landed_between(
     assert rules(replace(told, flown=shown)) & {"page"} == found
 
 
-def test_who_crashes_after_it_stood_still_has_its_last_words_at_once() -> None:
+def test_a_crash_after_a_stop_reports_at_once() -> None:
     began = (Happening("frozen", "uav1", 50.0, 30.0),)
     fell = tuple(truth("uav1", 90.0, what, PADS["uav1"]) for what in ("crash", "disarmed"))
     told = stormed(truths=fell, began=began, ended=("uav2",))
@@ -164,7 +158,7 @@ def test_who_crashes_after_it_stood_still_has_its_last_words_at_once() -> None:
 
 
 @pytest.mark.parametrize(("fell_s", "found"), [(120.4, set()), (123.0, {"line"})])
-def test_who_is_stopped_a_hands_breadth_over_the_ground_has_landed(fell_s: float, found: set[str]) -> None:
+def test_a_vehicle_disarmed_a_hands_breadth_over_the_ground_has_landed(fell_s: float, found: set[str]) -> None:
     stopped = truth("uav1", 120.0, "kill", PADS["uav1"], up_m=0.3)
     told = stormed(("uav1", 120.0, "disarmed"), ("uav1", fell_s, "fell"), truths=(stopped,), ended=("uav2",))
     assert rules(said(told, 120.1, "uav1: landed by its pilot")) == found
@@ -178,16 +172,14 @@ def test_what_comes_late_over_a_bad_link_is_heard(kind: str, found: set[str]) ->
 
 
 @pytest.mark.parametrize(("hovers_m", "found"), [(0.2, set()), (9.0, {"line"})])
-def test_who_hovers_a_hands_breadth_over_its_pad_until_its_battery_is_empty_has_landed(
-    hovers_m: float, found: set[str]
-) -> None:
+def test_a_vehicle_hovering_low_over_its_pad_until_empty_has_landed(hovers_m: float, found: set[str]) -> None:
     hover = tuple(truth("uav1", at_s, "at", PADS["uav1"], hovers_m) for at_s in (118.0, 119.0))
     told = stormed(("uav1", 120.0, "fell"), ("uav1", 120.0, "disarmed"), truths=hover, ended=("uav2",))
     assert rules(said(told, 120.5, "uav1: landed by its pilot")) & {"line"} == found
 
 
 @pytest.mark.parametrize(("wrecked", "found"), [(True, set()), (False, {"line"})])
-def test_who_falls_and_leaves_its_fence_is_named_for_either(wrecked: bool, found: set[str]) -> None:
+def test_a_fall_out_of_the_fence_may_be_named_for_either(wrecked: bool, found: set[str]) -> None:
     wreck = (("uav1", 99.0, "fault uav1:wreck@0s"),) if wrecked else ()
     told = stormed(*wreck, ("uav1", 100.0, "failsafe fence"))
     line = "uav1: interruption, falls at 10.8 m/s; returning or landing by itself, not commanded"
@@ -195,7 +187,7 @@ def test_who_falls_and_leaves_its_fence_is_named_for_either(wrecked: bool, found
 
 
 @pytest.mark.parametrize(("lied", "found"), [(True, set()), (False, {"line"})])
-def test_a_radio_is_where_somebody_speaks_as_the_vehicle(lied: bool, found: set[str]) -> None:
+def test_a_radio_line_without_a_radio_needs_a_forged_sender(lied: bool, found: set[str]) -> None:
     began = (Happening("forged disarmed", "uav1", 98.0, word="1"),) if lied else ()
     told = said(stormed(began=began), 100.0, "uav1: radio signal 5 over noise 200 here")
     assert rules(told) & {"line"} == found
@@ -211,7 +203,7 @@ def test_a_ground_station_that_slept_hears_what_came_in_that_time(asleep_s: floa
 @pytest.mark.parametrize(("acted_s", "late_s", "found"), [
     (100.2, 1.0, set()), (100.2, 5.0, {"page"}), (107.0, 1.0, set()), (None, 1.0, {"page"}),
 ])  # fmt: skip
-def test_who_takes_what_a_failsafe_had_is_shown_a_moment_later(
+def test_a_takeover_during_a_failsafe_is_shown_a_moment_later(
     acted_s: float | None, late_s: float, found: set[str]
 ) -> None:
     acted = () if acted_s is None else (("uav1", acted_s, "failsafe ekf"),)
@@ -222,7 +214,7 @@ def test_who_takes_what_a_failsafe_had_is_shown_a_moment_later(
 
 
 @pytest.mark.parametrize(("who", "found"), [("operator, excluded", set()), ("interruption, LAND", {"line"})])
-def test_whom_the_crew_excludes_as_its_fence_acts_is_out_by_their_word(who: str, found: set[str]) -> None:
+def test_an_exclusion_during_a_fence_action_counts_as_the_crews(who: str, found: set[str]) -> None:
     told = stormed(("uav1", 100.0, "failsafe fence"))
     line = f"uav1: {who}; returning or landing by itself, not commanded"
     assert rules(said(told, 100.5, line)) & {"line"} == found

@@ -62,7 +62,7 @@ def test_a_calm_flight_is_clean_and_what_is_not_so_is_seen() -> None:
     assert rules(replace(calm, flown=replace(calm.flown, ended_s=None))) == {"ends"}
 
 
-def test_a_flight_that_ends_with_somebody_in_the_air_is_seen() -> None:
+def test_a_flight_that_ends_with_a_vehicle_in_the_air_is_detected() -> None:
     left = fly(replace(CALM, happenings=(Happening("ctrl-c", GROUND, 30.0, word="once"),)))
     assert left.left
     assert findings(left) == []  # it was told to

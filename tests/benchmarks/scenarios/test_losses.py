@@ -112,7 +112,7 @@ def test_an_unknown_vehicle_is_refused() -> None:
 
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(2, 4), st.integers(1, 3))
-def test_nobody_knows_a_loss_before_its_time(seed: int, vehicles: int, depots: int) -> None:
+def test_a_loss_is_unknown_before_its_time(seed: int, vehicles: int, depots: int) -> None:
     """The day up to a loss is the same whatever comes later; what has begun is never changed."""
     day = random_day(seed, 6, vehicles, depots)
     chance = np.random.default_rng(seed)
@@ -162,13 +162,13 @@ def test_shortest_ways_lead_along_edges() -> None:
         build_road_graph(4, [(0, 1, -1.0)])
 
 
-def test_a_plan_for_nobody_changes_nothing() -> None:
+def test_a_plan_for_no_vehicle_changes_nothing() -> None:
     left = build_day_left(DAY, PLAN, [0], 500.0)
     assert left.instance is None
     assert day_after(DAY, left, Plan(())) == left.kept
 
 
-def test_who_knows_all_losses_counts_on_nobody_who_will_be_lost() -> None:
+def test_foresight_uses_no_vehicle_that_will_be_lost() -> None:
     left, until_s = build_day_left_with_foresight(DAY, PLAN, [(0, 10.0), (1, 24.0)])
     assert (left.kept, left.survivors, left.open) == (((), ()), (), (0, 1, 2, 3))
     left, until_s = build_day_left_with_foresight(DAY, PLAN, [(0, 10.0), (1, 50.0)])
@@ -181,7 +181,7 @@ def test_who_knows_all_losses_counts_on_nobody_who_will_be_lost() -> None:
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6))
-def test_no_answer_falls_below_the_bound_of_who_knows_all_losses(seed: int) -> None:
+def test_no_answer_falls_below_the_bound_with_foresight(seed: int) -> None:
     chance = np.random.default_rng(seed)
     day = random_day(seed, 5, 3, 2, places=6)
     alone = solve_sorties(instance_of(day), stop=Iterations(200), seed=1)

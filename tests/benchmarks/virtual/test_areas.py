@@ -96,7 +96,7 @@ def test_a_vehicle_that_is_sent_home_flies_straight_and_the_crew_is_told(tmp_pat
     assert min(least_m["uav1"], least_m["uav3"]) >= MARGIN_M - CUT_M
 
 
-def test_the_checklist_says_what_keeps_out_and_whose_own_return_does_not(tmp_path: Path) -> None:
+def test_the_checklist_lists_avoided_areas_and_rtls_through_them(tmp_path: Path) -> None:
     flight, _ = flown(ground(tmp_path, "px4"))
     lines = {row.text: row.severity.value for row in flight.report.checks if row.code == CheckCode.AREAS}
     assert lines["2 areas; every leg avoids them"] == "ok"

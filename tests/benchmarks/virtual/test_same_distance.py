@@ -1,4 +1,4 @@
-"""Everybody at the asked distance, with losses: how near they truly come, and at what height they truly inspect."""
+"""All vehicles at the requested distance, with losses: true separation and inspection height."""
 
 from __future__ import annotations
 

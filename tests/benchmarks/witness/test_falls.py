@@ -60,7 +60,7 @@ def test_one_instrument_that_stands_still_is_outvoted(wrong: dict[str, float], t
 
 
 @pytest.mark.parametrize("alone", [{"gps": 0.0, "ctun": 0.0}, {"baro": 0.0, "ctun": 0.0}, {"baro": 0.0, "gps": 0.0}])
-def test_one_instrument_that_falls_alone_falls_for_nobody(alone: dict[str, float], tmp_path: Path) -> None:
+def test_a_fall_of_one_instrument_alone_is_none(alone: dict[str, float], tmp_path: Path) -> None:
     assert judged(flown(tmp_path, **alone)) is Stand.REFUTED
 
 

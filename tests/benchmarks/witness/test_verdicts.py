@@ -1,4 +1,4 @@
-"""Declarations held against logs that were made for it: each line of a log that confirms or refutes one."""
+"""Declarations compared with generated logs: each line of a log that confirms or refutes one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fleet that speaks all at once keeps nobody waiting."""
+"""Many vehicles sending at the same time delay no task."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def ports() -> Iterator[list[socket.socket]]:
         yield ours
 
 
-def test_nobody_waits_longer_than_it_takes_to_hear_all(ports: list[socket.socket]) -> None:
+def test_no_task_waits_longer_than_one_round_of_reads(ports: list[socket.socket]) -> None:
     with FairSelector() as selector:
         for port in ports:
             selector.register(port, EVENT_READ)

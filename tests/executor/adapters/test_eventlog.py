@@ -280,7 +280,7 @@ def test_a_log_of_a_newer_version_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("system", ["Linux", "macOS"])
 @pytest.mark.asyncio
-async def test_who_waits_for_the_disk_waits_once_for_all_that_was_written(
+async def test_one_sync_covers_everything_written_before(
     system: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     synced: list[int] = []
@@ -302,7 +302,7 @@ async def test_who_waits_for_the_disk_waits_once_for_all_that_was_written(
 
 
 @pytest.mark.asyncio
-async def test_a_disk_that_hangs_holds_nobody_up_for_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_hanging_disk_delays_the_flight_only_briefly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     works, began, told = threading.Event(), list[int](), list[str]()
 
     def hang(fd: int) -> None:

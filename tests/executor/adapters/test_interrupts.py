@@ -1,4 +1,4 @@
-"""Ctrl-C, and readers that go away: one line at most, no traceback, and nobody is left behind."""
+"""Ctrl-C, and closed pipes: one line at most, no traceback, and no process is left behind."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_ctrl_c_while_the_program_loads(monkeypatch: pytest.MonkeyPatch, capsys:
     assert capsys.readouterr().err == "faultline: interrupted\n"
 
 
-def test_nobody_reads_any_more() -> None:
+def test_a_closed_pipe() -> None:
     with started("init", "default", "--vehicles", "50") as process:
         assert process.stdout is not None
         process.stdout.close()

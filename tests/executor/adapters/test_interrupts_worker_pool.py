@@ -44,7 +44,7 @@ def test_workers_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
     assert (tmp_path / "begun-1").read_text() == "working\n"
 
 
-def test_a_process_that_ended_is_not_killed_though_somebody_else_has_its_exit_code() -> None:
+def test_an_ended_process_is_not_killed_though_another_has_reaped_it() -> None:
     process = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(3600.0,))
     process.start()
     assert process.pid is not None

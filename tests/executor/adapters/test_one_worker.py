@@ -1,4 +1,4 @@
-"""A pool of one process: work waiting for one that is killed is told, and the next work has another."""
+"""A pool of one process: work waiting for a killed one fails at once, and the next work gets a new one."""
 
 from __future__ import annotations
 

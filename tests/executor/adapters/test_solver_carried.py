@@ -1,4 +1,4 @@
-"""A re-plan beside what everybody carries: never worse, and what the first plan left over goes in last."""
+"""A re-plan against the missions on board: never worse, and segments that the first plan left over come last."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_what_cannot_be_bettered_stays_on_board() -> None:
     assert (answer.gain.segments, answer.gain.longest_s) == (0, answer.gain.carried_s)
 
 
-def test_a_budget_that_rounding_ate_takes_nothing_from_who_can_fly_on() -> None:
+def test_a_rounding_error_in_the_budget_removes_no_segment() -> None:
     """It carries segments 1 to 4; its budget is short of one, its battery is not."""
     carried = (2, 4, 6, 8)
     needs_pct = evaluate_pct(carried)
@@ -123,7 +123,7 @@ def test_a_drained_battery_is_named_and_its_route_is_cut() -> None:
     assert answer.gain.segments >= 0
 
 
-def test_what_the_first_plan_left_over_is_taken_up_by_who_has_budget_to_spare() -> None:
+def test_segments_left_over_go_to_vehicles_with_spare_budget() -> None:
     answer = solved(LINE, Solve(1, (1, 2, 3), (one(40.0, (2, 4, 6)),), "why", left_over=(4,)))
     assert flown(answer) == {1, 2, 3, 4}
     assert answer.gain is not None

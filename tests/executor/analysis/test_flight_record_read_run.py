@@ -29,7 +29,7 @@ from tests.executor.flights import write_run
 from tests.executor.site.two_bases import between_bases
 
 
-def test_who_inspected_what_and_when(tmp_path: Path) -> None:
+def test_vehicle_and_time_of_each_inspection(tmp_path: Path) -> None:
     write_run(tmp_path)
     record = read_run(tmp_path)
     assert [segment.inspected_by for segment in record.segments] == ["uav2", "uav3", "uav1", "uav1", "uav1"]

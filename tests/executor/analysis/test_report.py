@@ -52,7 +52,7 @@ def test_every_inspection_has_its_speeds(report: dict[str, Any]) -> None:
         assert row["deviation_mean_m"] <= row["deviation_max_m"] < 0.5
 
 
-def test_where_everybody_was_heard_last_is_kept(report: dict[str, Any]) -> None:
+def test_the_last_position_of_every_vehicle_is_kept(report: dict[str, Any]) -> None:
     states = {row["name"]: row["state"] for row in report["vehicles"]}
     assert states == {"uav1": "landed", "uav2": "lost", "uav3": "landed"}
     lost = report["vehicles"][1]["last_position"]

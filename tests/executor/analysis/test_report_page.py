@@ -219,7 +219,7 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightR
     assert evil in reader.of("h1")[0]
 
 
-def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, FlightReport]) -> None:
+def test_a_vehicle_off_its_pad_can_be_found(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     at = LastPosition(lat_deg=49.6012349, lon_deg=15.6, alt_rel_m=0.4, at_s=83.2, known="fix", accuracy_m=1.8)
     fix = LastFix(lat_deg=49.60123, lon_deg=15.6, alt_rel_m=22.0, ground_speed_m_s=3.0, at_s=20.0)

@@ -1,4 +1,4 @@
-"""Planned beside flown, worked out by hand from a few legs."""
+"""Planned against flown, worked out by hand from a few legs."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_each_mission_has_its_own_row() -> None:
     ]  # fmt: skip
 
 
-def test_what_nobody_heard_is_unknown_and_the_route_is_not() -> None:
+def test_a_leg_without_messages_is_unknown_and_the_route_is_not() -> None:
     [row] = build_route_rows(state_with(*legs_at((105.0, None), (115.0, None), None, (137.0, 4.0), (150.0, 5.0))))
     assert [leg.flown_s for leg in row.legs] == [10.0, None, None, 13.0]
     assert (row.planned_s, row.flown_s, row.flown_pct, row.energy_error_pct) == (40.0, 45.0, None, None)

@@ -1,4 +1,4 @@
-"""The operator's terminal: a fault is heard, and a script hears nothing."""
+"""The operator's terminal: a fault sounds the bell, and a script gets none."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_ctrl_c_is_no(tmp_path: Path) -> None:
     assert b"Traceback" not in rest
 
 
-def test_nobody_to_ask_is_no() -> None:
+def test_no_one_to_ask_means_no() -> None:
     assert not TerminalConsole(quiet=False, yes=False).confirm("Take off?")
     assert TerminalConsole(quiet=False, yes=True).confirm("Take off?")
 

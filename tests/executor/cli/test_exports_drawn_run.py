@@ -31,7 +31,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_gpxpy_reads_where_everybody_was_and_when(run: Path) -> None:
+def test_gpxpy_reads_every_track_with_times(run: Path) -> None:
     gpx = gpxpy.parse(format_gpx(build_drawn_run(run)))
     flown = {one.name: one for one in gpx.tracks if one.type == "flown"}
     assert set(flown) == {"uav1 flown", "uav2 flown", "uav3 flown"}

@@ -444,7 +444,7 @@ def kept(stage: ChangeStage, name: str = "RTL_ALT") -> KeptParameter:
     )
 
 
-def test_a_mistake_of_the_program_is_kept_in_a_file_that_nobody_else_could_have_laid_there(
+def test_an_internal_error_is_kept_in_a_file_that_no_other_user_could_plant(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def breaks(**_: object) -> int:
@@ -498,7 +498,7 @@ def test_nothing_to_restore_is_done(place: Place) -> None:
         assert (code, json.loads(out)["restored"], len(json.loads(out)["parameters"])) == (0, True, len(rows))
 
 
-def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
+def test_without_confirmation_nothing_is_sent(place: Place) -> None:
     PARAMETERS.write(place.folder, [kept(ChangeStage.SET), kept(ChangeStage.RESTORED, "RTL_CONE_SLOPE")])
     code, out, err = place.run("restore", str(place.folder))
     assert (code, out) == (1, "")

@@ -1,4 +1,4 @@
-"""The limits that hold where nobody sets others."""
+"""The default limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Flights from the launch to the landing: who is lost and why, who starts, who comes home."""
+"""Flights from launch to landing: losses with their reasons, starts and returns."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_all_silent_at_once_is_our_own_fault_first() -> None:
     assert flight.solves() == []
 
 
-def test_a_radio_that_comes_back_loses_nobody() -> None:
+def test_a_restored_radio_loses_no_vehicle() -> None:
     """The first vehicle that is heard again must not make the others, a moment later, look lost."""
     flight = under_way()
     for craft in flight.crafts.values():
@@ -96,7 +96,7 @@ def test_a_radio_that_comes_back_loses_nobody() -> None:
     assert flight.said(Level.FAULT) == []
 
 
-def test_who_stays_silent_when_the_radio_comes_back_is_lost_after_all() -> None:
+def test_a_vehicle_without_messages_after_the_radio_is_back_is_lost() -> None:
     flight = under_way()
     for craft in flight.crafts.values():
         craft.mute = True
@@ -371,7 +371,7 @@ def test_a_vehicle_that_goes_down_away_from_its_pad() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_the_operator_sends_everybody_home() -> None:
+def test_the_operator_aborts_the_flight() -> None:
     flight = under_way()
     flight.happen(ReturnAllOrdered())
     assert flight.sent_home() == list(THREE)
@@ -390,7 +390,7 @@ def test_a_warning_text_is_shown_once() -> None:
     assert said == ["uav1 says: Auto mission changed, restarted command"]
 
 
-def test_nobody_stands_still_in_a_stage_without_a_way_out() -> None:
+def test_every_stage_has_a_way_out() -> None:
     """Every stage in the air can become LOST and DOWN, and FLYING follows a start, or a pilot who gives it back."""
     for stage, then in TRANSITIONS.items():
         assert Stage.LOST in then or stage in {Stage.LOST, Stage.DOWN}
@@ -423,7 +423,7 @@ def test_the_return_is_ordered_once_for_each_fault() -> None:
     assert flight.given(SendHome) == [SendHome("uav2")]
 
 
-def test_a_vehicle_whose_start_overtook_the_word_to_stay_is_not_shown_as_landed_while_its_motors_are_on() -> None:
+def test_a_vehicle_that_started_before_the_cancellation_is_not_shown_as_landed_with_motors_on() -> None:
     """Its start was on the way when the operator had it return: it arms on its pad, and disarms by itself later."""
     flight = Story(FLEET.context, dict(FLEET.boards), start_s={"uav2": 1.0})
     flight.launch()

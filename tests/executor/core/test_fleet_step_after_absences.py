@@ -1,4 +1,4 @@
-"""How who came home as we were away is judged."""
+"""The judgement of vehicles that returned during our absence."""
 
 from __future__ import annotations
 

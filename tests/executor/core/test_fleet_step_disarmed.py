@@ -1,4 +1,4 @@
-"""Who disarms has landed, or is down: every order, every line, and everything that changes by it."""
+"""A disarmed vehicle has landed or is down: every order, every line, and every change."""
 
 from __future__ import annotations
 

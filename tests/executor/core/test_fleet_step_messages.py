@@ -1,4 +1,4 @@
-"""What a vehicle that was lost is heard to do, and what any message leads to."""
+"""Messages of a lost vehicle, and the effect of any message."""
 
 from __future__ import annotations
 
@@ -335,7 +335,7 @@ def test_how_near_two_came(
     assert after.progress.separation_m == (least_m if expected_m is None else pytest.approx(expected_m))
 
 
-def test_an_inspection_is_kept_with_how_it_was_flown_by_who_came_first() -> None:
+def test_an_inspection_is_kept_as_the_first_vehicle_flew_it() -> None:
     for before in ({}, {0: "uav2"}):
         state = flight_of(flying(fix=None), inspected=before)
         for step in range(10):

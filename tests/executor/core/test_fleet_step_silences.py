@@ -1,4 +1,4 @@
-"""What becomes of a flight while nobody is heard, and of who is heard again."""
+"""A flight without any link, and regained vehicles."""
 
 from __future__ import annotations
 

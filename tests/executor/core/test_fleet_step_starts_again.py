@@ -1,4 +1,4 @@
-"""Who has not taken off is started again, or is not."""
+"""A vehicle that has not taken off is started again, or not."""
 
 from __future__ import annotations
 

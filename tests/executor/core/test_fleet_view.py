@@ -134,7 +134,7 @@ def test_how_far_it_is_along_its_segment(share: float) -> None:
     assert view.segment_share == pytest.approx(min(1.0, max(0.0, share)), abs=1e-3)
 
 
-def test_the_progress_of_those_who_inspect_nothing_now() -> None:
+def test_the_progress_of_vehicles_without_an_inspection() -> None:
     assert shown(waypoint=INSPECT, fix=None).progress.segment_share == 0.0
     transit = shown(waypoint=INSPECT - 1).progress
     assert (transit.phase, transit.segment_share) == ("transit", 0.0 if transit.segment is not None else None)
@@ -166,7 +166,7 @@ def test_when_it_should_be_back() -> None:
         (Takeover(NOW_S - 10.0, returned_s=NOW_S), TakenView(NOW_S - 10.0, 20.0, returned=True)),
     ],
 )
-def test_who_has_it_and_for_how_long_its_work_is_kept(taken: Takeover, view: TakenView) -> None:
+def test_the_party_in_control_and_how_long_segments_are_kept(taken: Takeover, view: TakenView) -> None:
     assert shown(stage=Stage.PILOT, taken=taken).taken == view
 
 
@@ -256,7 +256,7 @@ OUT: list[tuple[dict[str, object], bool]] = [
 
 
 @pytest.mark.parametrize(("changes", "can"), OUT, ids=[str(number) for number in range(len(OUT))])
-def test_who_can_be_given_something(changes: dict[str, object], *, can: bool) -> None:
+def test_vehicles_that_can_take_segments(changes: dict[str, object], *, can: bool) -> None:
     assert (build_survivor(CONTEXT, FleetState(MappingProxyType({})), flying(**changes), NOW_S) is not None) is can
 
 
@@ -292,7 +292,7 @@ def left_over(*uncovered: int, **changes: object) -> FleetState:
     return with_facts(state, **changes)
 
 
-def test_who_is_heard_again_may_reach_what_the_last_re_plan_left_over() -> None:
+def test_a_regained_vehicle_may_reach_segments_left_over_by_the_last_re_plan() -> None:
     after = replan_for_regained_link(left_over(2, 3), flying(), NOW_S)
     assert (after.coverage.given_up, after.replanning.urgent, after.replanning.trigger_s) == (
         frozenset({5}),
@@ -314,5 +314,5 @@ def test_who_is_heard_again_may_reach_what_the_last_re_plan_left_over() -> None:
         (left_over(2), flying(stage=Stage.RETURNING)),
     ],
 )
-def test_nothing_is_planned_anew_for_who_changes_nothing(state: FleetState, one: VehicleState) -> None:
+def test_no_re_plan_for_a_vehicle_that_changes_nothing(state: FleetState, one: VehicleState) -> None:
     assert replan_for_regained_link(state, one, NOW_S) == state

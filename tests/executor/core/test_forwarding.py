@@ -50,7 +50,7 @@ def frame(
 
 
 @given(rules=st.builds(ForwardRules, SYSTEMS, st.frozensets(st.integers(1, 254)), st.booleans()), sent=FRAMES)
-def test_nothing_goes_to_a_vehicle_that_it_is_not_for_and_nobody_speaks_in_anothers_name(
+def test_frames_reach_only_their_vehicle_and_no_sender_uses_anothers_id(
     rules: ForwardRules, sent: StationFrame
 ) -> None:
     targets = rules.select_targets(sent)
@@ -62,9 +62,7 @@ def test_nothing_goes_to_a_vehicle_that_it_is_not_for_and_nobody_speaks_in_anoth
 
 
 @given(target=st.integers(0, 255), stations=st.frozensets(SYSTEMS))
-def test_a_vehicles_answer_goes_to_whom_it_is_for_and_ours_to_nobody_else(
-    target: int, stations: frozenset[int]
-) -> None:
+def test_a_vehicles_answer_goes_to_its_addressee_and_ours_to_no_other(target: int, stations: frozenset[int]) -> None:
     assert RULES.is_for_station(target, stations) is (target == 0 or (target != OURS and target in stations))
 
 

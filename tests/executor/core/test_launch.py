@@ -35,14 +35,14 @@ def pursued(vehicle: VehicleState, at_s: float) -> tuple[FleetState, tuple[Comma
     return retry_waiting_starts(CREW, flight_of(vehicle, launched_s=NOW_S - 5.0), at_s)
 
 
-def test_who_says_where_it_is_is_started_again_at_once() -> None:
+def test_a_vehicle_with_a_position_is_started_again_at_once() -> None:
     vehicle, commands = failed(with_facts(STARTS, fix=replace(LOW, at_s=NOW_S - CREW.limits.link_stale_s)))
     assert commands == (Say(Level.WARNING, "uav1: did not start (no answer); trying again"), Start("uav1"))
     assert vehicle.orders.start_owed_s is None
 
 
 @pytest.mark.parametrize("fix", [STALE, None])
-def test_who_does_not_waits(fix: object) -> None:
+def test_a_vehicle_without_a_position_waits(fix: object) -> None:
     vehicle, commands = failed(with_facts(STARTS, fix=fix))
     text = "uav1: did not start (no answer); trying again once a position is received"
     assert commands == (Say(Level.WARNING, text),)
@@ -69,7 +69,7 @@ def test_a_position_that_is_newer_than_the_failure_starts_it() -> None:
         (OWED, NOW_S + 10.1, "did not start: no position for 10 s, it may have rebooted since its checks"),
     ],
 )  # fmt: skip
-def test_who_has_rebooted_or_stays_without_a_position_stays_on_the_ground(
+def test_a_rebooted_vehicle_or_one_without_a_position_stays_on_the_ground(
     vehicle: VehicleState, at_s: float, why: str
 ) -> None:
     state, commands = pursued(vehicle, at_s)
@@ -85,9 +85,7 @@ def test_who_has_rebooted_or_stays_without_a_position_stays_on_the_ground(
     (STALE, Say(Level.WARNING, "uav1: take-off waits for a position"), NOW_S),
     (None, Say(Level.WARNING, "uav1: take-off waits for a position"), NOW_S),
 ])  # fmt: skip
-def test_who_is_sent_up_later_starts_when_it_says_where_it_is(
-    fix: object, found: Command, owed_s: float | None
-) -> None:
+def test_a_later_start_waits_for_a_position(fix: object, found: Command, owed_s: float | None) -> None:
     vehicle = with_facts(STARTS, stage=Stage.GROUND, fix=fix)
     state, commands = start_from_base(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
     assert commands == (found,)
@@ -101,9 +99,7 @@ def test_who_is_sent_up_later_starts_when_it_says_where_it_is(
         "its clock fell back: its autopilot may have rebooted since its checks",
     ),
 ])  # fmt: skip
-def test_who_rebooted_while_it_stood_there_is_not_sent_up_until_it_is_included(
-    facts: dict[str, float], why: str
-) -> None:
+def test_a_vehicle_that_rebooted_on_its_pad_does_not_start_until_included(facts: dict[str, float], why: str) -> None:
     vehicle = with_facts(STARTS, stage=Stage.GROUND, fix=LOW, **facts)
     state, commands = start_from_base(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
     assert commands == ()
@@ -117,7 +113,7 @@ def test_who_rebooted_while_it_stood_there_is_not_sent_up_until_it_is_included(
     assert commands == (Start("uav1"),)
 
 
-def test_who_is_not_starting_any_more_owes_nothing() -> None:
+def test_a_cancelled_start_needs_no_report() -> None:
     state, commands = pursued(replace(OWED, stage=Stage.LOST), NOW_S + 10.1)
     assert commands == ()
     assert state.vehicles["uav1"].orders.start_owed_s is None
@@ -154,7 +150,7 @@ def heard(mode: int, *, armed: bool = True) -> Heard:
     return Heard("uav1", beat(mode, armed=armed))
 
 
-def test_a_start_that_somebody_broke_off_by_mode_ends_when_the_vehicle_disarms() -> None:
+def test_a_start_interrupted_by_a_mode_change_ends_when_the_vehicle_disarms() -> None:
     # By then nobody was sure yet that it is the pilot's, and nothing pursues the start any more.
     begun: list[tuple[float, Event]] = [(0.1, heard(LOITER)), (0.8, heard(LOITER, armed=False)), (0.9, Tick())]
     assert gone_through([*begun])[0].stage is Stage.STARTING, "one HEARTBEAT may be another's"
@@ -170,7 +166,7 @@ def test_a_start_that_somebody_broke_off_by_mode_ends_when_the_vehicle_disarms()
 
 
 @pytest.mark.parametrize(("context", "stays"), [(CREW, True), (FLEET.context, False)])
-def test_who_has_disarmed_again_in_its_start_is_not_armed_once_more(context: Context, stays: bool) -> None:
+def test_a_vehicle_disarmed_during_its_start_is_not_armed_again(context: Context, stays: bool) -> None:
     # PX4 disarms on its pad 10 s after it was armed; a start whose orders get lost would arm it half a minute later.
     disarmed: list[tuple[float, Event]] = [(at_s, heard(AUTO, armed=False)) for at_s in (10.0, 11.0)]
     vehicle, commands = gone_through([*disarmed, (11.1, Tick())], context)
@@ -182,7 +178,7 @@ def test_who_has_disarmed_again_in_its_start_is_not_armed_once_more(context: Con
 
 
 @pytest.mark.parametrize(("took_off", "stage"), [(True, Stage.FLYING), (False, Stage.STARTING)])
-def test_who_is_back_on_its_mission_at_once_flies_it_once_it_is_in_the_air(took_off: bool, stage: Stage) -> None:
+def test_a_vehicle_back_in_mission_mode_counts_as_flying_once_in_the_air(took_off: bool, stage: Stage) -> None:
     begun: list[tuple[float, Event]] = [(0.1, heard(LOITER)), (0.8, heard(AUTO)), (0.9, Tick())]
     vehicle, commands = gone_through(begun, took_off=took_off, fix=CLIMBS if took_off else LOW)
     assert HandsOff("uav1") in commands

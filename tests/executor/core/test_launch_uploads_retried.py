@@ -48,7 +48,7 @@ def planned_with(flight: Story) -> list[set[str]]:
     ("autopilot", "code"),
     [("ardupilot", Ending.ERROR), ("ardupilot", Ending.NO_ANSWER), ("px4", Ending.OTHER_STATION)],
 )
-def test_who_was_busy_is_offered_a_mission_when_it_answers(autopilot: str, code: Ending) -> None:
+def test_a_busy_vehicle_is_offered_a_mission_when_it_answers(autopilot: str, code: Ending) -> None:
     flight = losing(unfit(1, code), autopilot=autopilot)
     failed_s = flight.now_s
     assert f"{AROUND} until it answers again" in flight.said(Level.WARNING)
@@ -76,7 +76,7 @@ def test_it_is_not_offered_before_it_is_heard_again() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_takes_none_of_them_is_planned_around() -> None:
+def test_a_vehicle_that_accepts_none_is_left_out_of_the_plan() -> None:
     flight = losing(*(unfit(revision) for revision in (1, 3, 5, 7, 9)))
     flight.finish()
     assert len(uploads(flight)) == launch.OFFERS
@@ -98,7 +98,7 @@ def test_a_plain_refusal_stays_one(code: Ending) -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_is_with_its_pilot_is_offered_nothing() -> None:
+def test_a_vehicle_with_its_pilot_is_offered_nothing() -> None:
     flight = losing(unfit(1))
     flight.crafts["uav3"].mode = 5  # LOITER, by its pilot
     flight.run(lambda: flight.stage("uav3") is Stage.PILOT)
@@ -106,7 +106,7 @@ def test_who_is_with_its_pilot_is_offered_nothing() -> None:
     assert (len(uploads(flight)), flight.given(ReadMission)) == (1, [])
 
 
-def test_who_is_held_is_offered_its_mission_when_it_goes_on() -> None:
+def test_a_vehicle_on_hold_is_offered_its_mission_when_it_resumes() -> None:
     flight = losing(unfit(1))
     flight.ask(Action.HOLD, "uav3")
     flight.pass_s(2 * launch.AGAIN_S)
@@ -115,7 +115,7 @@ def test_who_is_held_is_offered_its_mission_when_it_goes_on() -> None:
     flight.run(lambda: len(uploads(flight)) == 2)
 
 
-def test_who_does_not_let_its_mission_be_read_is_offered_none() -> None:
+def test_a_vehicle_with_an_unreadable_mission_is_offered_none() -> None:
     flight = losing(unfit(1))
     flight.crafts["uav3"].unreadable = True
     flight.finish()
@@ -125,7 +125,7 @@ def test_who_does_not_let_its_mission_be_read_is_offered_none() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_a_mission_whose_last_word_got_lost_is_found_on_board() -> None:
+def test_a_mission_with_a_lost_acknowledgement_is_found_on_board() -> None:
     """PX4 swaps missions with the last item: only its acknowledgement, and the read-back, did not come."""
     flight = story(fleet_of(LONG, pylons=12, autopilot="px4"))
     flight.run(lambda: flight.inspecting("uav2", 4))

@@ -1,4 +1,4 @@
-"""Which streams are thinned for a radio, and what the crew is told of it."""
+"""Which streams are thinned for a radio, and the lines for the crew."""
 
 from __future__ import annotations
 

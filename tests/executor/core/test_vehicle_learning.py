@@ -57,5 +57,5 @@ def test_consumption_is_as_sure_as_what_was_used_is_much() -> None:
     assert vehicle_learning.estimate_consumption(LearnedFactors(), Prior(1.1, 0.05)) == Prior(1.1, 0.05)
 
 
-def test_the_first_deviation_is_that_of_nobody_known() -> None:
+def test_the_first_deviation_is_the_default() -> None:
     assert PaceEstimate().sd == pytest.approx(FIRST_SD)

@@ -1,4 +1,4 @@
-"""What a re-plan's file says of locks: what the solver was told, as who alone flies what."""
+"""Locks in the file of a re-plan: those given to the solver."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_what_another_vehicle_alone_flies_is_locked_to_it(replanned: PlanFile, t
     assert name_locks(replanned, {}, {}) is replanned
 
 
-def test_what_somebody_else_carries_all_the_same_is_not_locked(replanned: PlanFile) -> None:
+def test_a_segment_on_board_another_vehicle_is_not_locked(replanned: PlanFile) -> None:
     assert replanned.pricing is not None
     carried = replace(replanned, pricing=replace(replanned.pricing, barred={"uav2": frozenset({0})}))
     found = name_locks(carried, LOCKS, {"uav2": frozenset({0})})

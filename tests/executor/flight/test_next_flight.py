@@ -38,7 +38,7 @@ def segments_of(plan: PlanFile) -> list[int]:
     return sorted(plan.segments[segment_of(visit)].id for route in plan.plan.routes for visit in route.visits)
 
 
-def test_what_was_left_over_is_planned_for_those_who_are_well(ground: SiteModel) -> None:
+def test_segments_left_over_are_planned_for_healthy_vehicles(ground: SiteModel) -> None:
     plan = plan_next_flight(ground, short_report([2, 4, 5], "uav2"), seed=1)
     assert plan is not None
     assert [vehicle.name for vehicle in plan.vehicles] == ["uav1", "uav3"]
@@ -57,7 +57,7 @@ def test_what_is_beyond_the_budgets_is_named(ground: SiteModel) -> None:
 
 
 @pytest.mark.parametrize("case", [short_report([]), short_report([], "uav1"), short_report([1], *NAMES)])
-def test_nothing_left_or_nobody_to_fly_it(ground: SiteModel, case: FlightReport) -> None:
+def test_nothing_left_over_or_no_vehicle_to_fly_it(ground: SiteModel, case: FlightReport) -> None:
     assert plan_next_flight(ground, case, seed=1) is None
 
 

@@ -1,4 +1,4 @@
-"""Two simulated vehicles with one system number behind one radio: whoever is asked is found to be two."""
+"""Two simulated vehicles with one system id behind one radio are detected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The links of a flight beside other ground stations: our own number, and ports that cannot be opened."""
+"""The links of a flight with other ground stations: our own number, and ports that cannot be opened."""
 
 from __future__ import annotations
 

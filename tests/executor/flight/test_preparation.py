@@ -1,4 +1,4 @@
-"""Vehicles are given back as they were, whatever happens on the way: loss, disorder, death at any step."""
+"""Parameters are restored whatever happens: lost or reordered messages, a crash at any step."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ async def test_looking_changes_nothing(autopilot: str, tmp_path: Path) -> None:
     pads.close()
 
 
-async def test_nothing_is_set_that_cannot_be_given_back(tmp_path: Path) -> None:
+async def test_nothing_is_set_that_cannot_be_restored(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "ardupilot")
     with (
         room_for(10),
@@ -332,7 +332,7 @@ async def test_a_vehicle_that_is_armed_meanwhile_is_left_alone(tmp_path: Path) -
     pads.close()
 
 
-async def test_a_vehicle_that_does_not_answer_keeps_its_record_and_delays_nobody_for_long(tmp_path: Path) -> None:
+async def test_a_vehicle_that_does_not_answer_keeps_its_record_and_hardly_delays_others(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "px4")
     await pads.apply()
     pads.links["uav1"].cut = True
@@ -347,7 +347,7 @@ async def test_a_vehicle_that_does_not_answer_keeps_its_record_and_delays_nobody
     pads.close()
 
 
-async def test_what_somebody_set_since_is_left(tmp_path: Path) -> None:
+async def test_a_parameter_set_by_another_party_since_then_is_left_unchanged(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "ardupilot", names=1)
     await pads.apply()
     pads.vehicles["uav1"].parameters["RTL_ALT"] = 4000.0

@@ -1,4 +1,4 @@
-"""What a flight is reckoned with once every vehicle was asked."""
+"""The data of a flight after every vehicle was read."""
 
 from __future__ import annotations
 

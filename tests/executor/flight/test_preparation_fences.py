@@ -1,4 +1,4 @@
-"""Fences and rally points of a flight: on record before they are sent, and given back whatever happens."""
+"""Fences and rally points of a flight: on record before they are sent, and always restored."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Pads:
 
 
 @AUTOPILOTS
-async def test_everybody_is_given_a_fence_and_gets_its_own_back(autopilot: str, tmp_path: Path) -> None:
+async def test_every_vehicle_gets_a_fence_and_its_own_is_restored(autopilot: str, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot)
     await pads.put()
     for name, fence in pads.first.items():
@@ -94,7 +94,7 @@ async def test_everybody_is_given_a_fence_and_gets_its_own_back(autopilot: str, 
 
 @AUTOPILOTS
 @pytest.mark.parametrize("seed", range(5))
-async def test_bad_links_take_nothing_from_anybody(autopilot: str, seed: int, tmp_path: Path) -> None:
+async def test_bad_links_lose_no_fence(autopilot: str, seed: int, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot, BAD, seed=seed)
     await pads.put()
     for _ in range(5):
@@ -105,7 +105,7 @@ async def test_bad_links_take_nothing_from_anybody(autopilot: str, seed: int, tm
 
 
 @AUTOPILOTS
-async def test_what_somebody_put_on_board_since_is_left(autopilot: str, tmp_path: Path) -> None:
+async def test_a_fence_uploaded_by_another_party_since_then_is_left_unchanged(autopilot: str, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot)
     await pads.put()
     pads.vehicles["uav1"].beside[FENCE].items = list(circle(77.0))
@@ -120,7 +120,7 @@ async def test_what_somebody_put_on_board_since_is_left(autopilot: str, tmp_path
 
 
 @AUTOPILOTS
-async def test_who_is_armed_is_left_alone(autopilot: str, tmp_path: Path) -> None:
+async def test_an_armed_vehicle_is_left_alone(autopilot: str, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot)
     await pads.put()
     pads.vehicles["uav2"].armed = True
@@ -143,7 +143,7 @@ async def test_without_a_record_nothing_is_sent(tmp_path: Path) -> None:
 
 
 @AUTOPILOTS
-async def test_who_refuses_its_fence_is_not_flown(autopilot: str, tmp_path: Path) -> None:
+async def test_a_vehicle_that_refuses_its_fence_is_not_flown(autopilot: str, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot)
     pads.vehicles["uav2"].beside[FENCE].refuses = DENIED
     with pytest.raises(VehicleRefused, match="uav2: the fence is not on board: fence refused: denied"):

@@ -133,7 +133,7 @@ def test_when_intents_are_taken() -> None:
     assert settings(environment={"T": ""}, token_env="T").rules.token is None  # noqa: S106
 
 
-def test_secrets_that_anybody_could_read_are_warned_of() -> None:
+def test_secrets_in_the_clear_are_warned_of() -> None:
     environment = {"T": "x", "U": "y"}
     assert settings(host="broker", environment=environment, token_env="T").exposed  # noqa: S106
     assert settings(host="broker", environment=environment, username_env="U").exposed

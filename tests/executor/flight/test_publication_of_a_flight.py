@@ -158,7 +158,7 @@ async def test_a_flight_with_a_loss_is_the_same(
         assert not any("never reached" in line for line in here.told)
 
 
-async def test_a_flight_whose_broker_is_never_there_is_the_same(tmp_path: Path) -> None:
+async def test_a_flight_without_its_broker_is_the_same(tmp_path: Path) -> None:
     async with published(free_port(), tmp_path) as here:
         await here.live(lambda: len(here.flight.state.coverage.inspected) == 1)
         lose_one(here.flight)

@@ -1,4 +1,4 @@
-"""The page beside a flight, as the site file wants it: where it listens, and what it asks of the environment."""
+"""The page of a flight by the site file: its address, and its environment variables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run directory that a dead ground station left: what is read from it, and what is refused."""
+"""A run directory of a dead ground station: what is read from it, and what is refused."""
 
 from __future__ import annotations
 
@@ -245,7 +245,7 @@ def test_what_is_no_run_directory_is_refused(tmp_path: Path, capsys: pytest.Capt
     assert "got faultline-events/9, written by a newer version" in refused(capsys, "resume", str(run))
 
 
-def test_without_a_yes_nobody_is_told_anything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_confirmation_no_vehicle_is_contacted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = prepared(tmp_path)
     flight, diary = launched(run)
     flight.pass_s(5.0)

@@ -157,7 +157,7 @@ def test_what_is_not_there_is_told_from_what_is_lost(autopilot: str, tmp_path: P
 
 
 @AUTOPILOTS
-def test_who_answers_no_question_does_not_fly(autopilot: str, tmp_path: Path) -> None:
+def test_a_vehicle_that_answers_no_request_does_not_fly(autopilot: str, tmp_path: Path) -> None:
     """Nobody knows whether it is the radio: what its failsafes do, what fences it has, and where its RTL leads."""
     names = defaults_for(SimVehicle("uav1", 1, AutopilotKind(autopilot), "udpin://127.0.0.1:1", 49.6, 15.6, 450.0), 5e3)
     mute = prepared(tmp_path, autopilot, SLOW, {}, *names)
@@ -172,7 +172,7 @@ UNREAD = ("VFR_HUD", "LOCAL_POSITION_NED")
 KEPT = ("HEARTBEAT", "GLOBAL_POSITION_INT", "HOME_POSITION")
 
 
-def test_streams_that_nobody_asked_for_are_off_for_the_flight_and_on_again_after_it(tmp_path: Path) -> None:
+def test_unasked_streams_are_off_for_the_flight_and_on_again_after_it(tmp_path: Path) -> None:
     seen: list[tuple[float | None, ...]] = []
 
     def look(radios: Mapping[str, MemoryRadio]) -> None:

@@ -32,7 +32,7 @@ def flown(folder: Path, autopilot: str, *faults: str, radio: str = "sik-ecc-mend
 
 
 @AUTOPILOTS
-def test_a_vehicle_whose_links_fail_one_after_the_other_flies_on(autopilot: str, tmp_path: Path) -> None:
+def test_a_vehicle_flies_on_while_its_links_fail_in_turn(autopilot: str, tmp_path: Path) -> None:
     flight = flown(tmp_path, autopilot, "uav1.1:silent@10s", "uav2.2:silent=15s@10s", "uav2.1:silent=15s@40s")
     assert flight.report.finished
     assert flight.report.faults == ()

@@ -43,7 +43,7 @@ def test_only_a_flight_of_the_folder_is_found(tmp_path: Path, name: str) -> None
         find_run(tmp_path, name)
 
 
-def test_a_flight_whose_page_does_not_come_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flight_without_its_page_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     started, really_start = list[subprocess.Popen[bytes]](), subprocess.Popen
 
     def start(*words: Any, **more: Any) -> subprocess.Popen[bytes]:

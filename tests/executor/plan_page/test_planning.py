@@ -96,7 +96,7 @@ def test_a_plan_of_the_command_line_is_taken_up(planned: Opened) -> None:
     assert planned.get("/api/workspace")["chosen"] == before
 
 
-def test_who_is_where_with_how_much_battery(planned: Opened) -> None:
+def test_positions_and_batteries_over_time(planned: Opened) -> None:
     workspace = planned.get("/api/workspace")
     shown = planned.get(f"/api/plans/{workspace['chosen']}")
     longest_s = shown["summary"]["longest_s"]

@@ -74,7 +74,7 @@ def test_a_port_that_is_taken_is_said() -> None:
     assert answer == {"answers": False, "words": f"{where}: cannot be opened: Address already in use"}
 
 
-def test_who_would_have_to_be_called_is_not() -> None:
+def test_a_connection_that_must_be_opened_outwards_is_not_tried() -> None:
     answer = asyncio.run(listen_for_vehicle("udpout://127.0.0.1:9", 1, "px4"))
     assert answer["answers"] is False
     with pytest.raises(ValueError, match="expected udpin"):

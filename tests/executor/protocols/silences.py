@@ -1,4 +1,4 @@
-"""A dialogue that nobody answers."""
+"""A dialogue without answers."""
 
 from __future__ import annotations
 

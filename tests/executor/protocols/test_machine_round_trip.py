@@ -1,4 +1,4 @@
-"""How long an answer is waited for, by what was measured (after RFC 6298)."""
+"""The wait for an answer, from measured round trips (after RFC 6298)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_a_fast_link_is_not_asked_again_at_once() -> None:
     assert RoundTrip().record_round_trip(0.001).waits_s == 0.25
 
 
-def test_who_hears_nothing_waits_twice_as_long_but_not_for_ever() -> None:
+def test_without_an_answer_the_wait_doubles_up_to_a_limit() -> None:
     trip = RoundTrip(waits_s=1.0, most_s=3.0)
     assert trip.record_timeout().waits_s == 2.0
     assert trip.record_timeout().record_timeout().waits_s == 3.0

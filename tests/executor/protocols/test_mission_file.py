@@ -120,7 +120,7 @@ def test_another_station_that_has_a_file_open_keeps_it() -> None:
     assert tuple(board.items) == OLD
 
 
-def test_who_does_not_answer_is_asked_again_four_times() -> None:
+def test_an_unanswered_request_is_repeated_four_times() -> None:
     board = vehicle()
     upload, sent = fly(board, MissionFileUpload(NEW, 3, 0), loss=1.0)
     assert (upload.outcome, upload.is_open) == (TimedOut("no answer over MAVFTP"), False)

@@ -67,7 +67,7 @@ def test_a_transfer_that_the_vehicle_has_ended_is_begun_anew() -> None:
     assert (state.outcome, state.items, sent) == (Accepted(), ITEMS, (MissionAck(0),))
 
 
-def test_a_transfer_that_nobody_answers_is_begun_anew_when_px4_has_given_it_up() -> None:
+def test_an_unanswered_transfer_starts_again_after_px4_has_given_it_up() -> None:
     state, _ = DownloadDialogue().begin(100.0)
     state, _ = state.on_message(MissionCount(3), 100.1)
     said = []

@@ -127,7 +127,7 @@ def test_a_vehicle_that_says_that_it_has_no_such_parameter_is_believed_at_once()
     assert (wire.asked.count("P1"), took_s < 1.5) == (1, True)
 
 
-def test_an_answer_that_nobody_asked_for_changes_nothing() -> None:
+def test_an_answer_without_a_request_changes_nothing() -> None:
     state, _ = ParameterReading.start(NAMES).begin(0.0)
     assert state.on_message(ParamValue("P25", 1.0, 9), 0.1) == (state, ()), "it is not asked for yet"
     assert state.on_message(ParamValue("OTHER", 1.0, 9), 0.1) == (state, ())

@@ -1,4 +1,4 @@
-"""Whose transfer is next, and when a radio holds too much to be asked anything."""
+"""Which transfer is next, and when a radio is too full for a request."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SOON, LATER = Turn(Rank.IN_FLIGHT, 12.0, 3), Turn(Rank.IN_FLIGHT, 40.0, 1)
 PARAMETERS, READING = Turn(Rank.BEFORE_FLIGHT, math.inf, 0), Turn(Rank.BESIDE, math.inf, 2)
 
 
-def test_who_needs_it_first_goes_first_and_who_waits_longest_among_equals() -> None:
+def test_the_most_urgent_goes_first_and_the_longest_waiting_among_equals() -> None:
     waiting = [PARAMETERS, LATER, READING, SOON]
     assert sorted(waiting) == [SOON, LATER, PARAMETERS, READING]
     assert [is_next(one, waiting, (), 100.0, 1) for one in waiting] == [False, False, False, True]

@@ -137,7 +137,7 @@ def test_a_site_flies_by_what_was_learned(logs: tuple[Path, Pack], tmp_path: Pat
         assert pct_per_s(drone, speed) == pytest.approx(CONSUMPTION * pct_per_s(DRONE, speed), rel=0.06)
 
 
-def test_a_table_that_nobody_could_have_learned_is_refused(tmp_path: Path) -> None:
+def test_a_table_with_impossible_values_is_refused(tmp_path: Path) -> None:
     site = tmp_path / "site.toml"
     site.write_text(
         '[network]\nfile = "default"\n'
@@ -148,7 +148,7 @@ def test_a_table_that_nobody_could_have_learned_is_refused(tmp_path: Path) -> No
         read_site(site)
 
 
-def test_logs_in_which_nobody_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_logs_without_a_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     writer = Writer()
     for second in range(60):
         writer.say(second, 1, heartbeat(armed=False))

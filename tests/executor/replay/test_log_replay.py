@@ -64,7 +64,7 @@ def test_all_silent_at_once_is_our_own_radio(tmp_path: Path) -> None:
     assert declared(replayed(writer, tmp_path)) == []
 
 
-def test_a_recorder_that_stood_still_accuses_nobody(tmp_path: Path) -> None:
+def test_a_stalled_recorder_declares_no_fault(tmp_path: Path) -> None:
     writer = Writer()
     flight(writer, 3, range(200), silent=range(60, 90))
     for second in (*range(60), *range(90, 200)):
@@ -137,7 +137,7 @@ def test_a_failsafe_says_so_itself(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ordered", [False, True])
-def test_a_mode_that_nobody_ordered(ordered: bool, tmp_path: Path) -> None:
+def test_a_mode_without_an_order(ordered: bool, tmp_path: Path) -> None:
     from pymavlink.dialects.v20 import common as mav
 
     writer = Writer()
@@ -270,7 +270,7 @@ def test_without_a_site_nothing_is_known_of_what_a_vehicle_uses(
 
 
 @pytest.mark.parametrize("times", [2.5, 4.0])
-def test_a_drain_of_a_vehicle_that_nobody_knows_is_found_by_its_own_flight(times: float, tmp_path: Path) -> None:
+def test_a_drain_of_an_unknown_vehicle_is_found_from_its_own_flight(times: float, tmp_path: Path) -> None:
     writer, used_pct = Writer(), 0.0
     for second in range(240):
         rate = 0.15 * (times if second >= 150 else 1.0)

@@ -1,4 +1,4 @@
-"""Who changed a mode in a recorded flight, what its autopilot says has failed, and what is declared of both."""
+"""Mode changes and reported failures in a recorded flight, and the declared faults."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def modes(found: LogReplay) -> list[tuple[str, str]]:
         (Recorded(says=((59.5, 3, text("GPS Glitch")),)), "unknown", True),
     ],
 )
-def test_who_changed_a_mode(flight: Recorded, by: str, interrupts: bool, tmp_path: Path) -> None:
+def test_the_source_of_a_mode_change(flight: Recorded, by: str, interrupts: bool, tmp_path: Path) -> None:
     found = flight.replayed(tmp_path)
     assert [one[1] for one in modes(found)] == [by]
     assert kinds(found) == ([("interruption", "mode")] if interrupts else [])

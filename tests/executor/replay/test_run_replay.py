@@ -1,4 +1,4 @@
-"""What a flight decided beside what its replay decides."""
+"""The decisions of a flight compared with those of its replay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles behind one radio: transfers take turns, the heartbeat goes out once, a full radio is asked nothing again."""
+"""Vehicles behind one radio: transfers take turns, one HEARTBEAT for all, no repeats on a full radio."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ async def put(board: Board, needed_s: float) -> bool:
 
 
 @DIALECTS
-async def test_one_upload_at_a_time_and_who_needs_it_first_goes_first(dialect: Dialect) -> None:
+async def test_one_upload_at_a_time_and_the_most_urgent_first(dialect: Dialect) -> None:
     boards = behind_one_radio(3, dialect)
     assert all(
         await asyncio.gather(*(put(one, needed_s) for one, needed_s in zip(boards, (5.0, 90.0, 30.0), strict=True)))
@@ -71,7 +71,7 @@ async def test_one_upload_at_a_time_and_who_needs_it_first_goes_first(dialect: D
 
 
 @DIALECTS
-async def test_behind_a_radio_whose_answers_are_far_two_go_side_by_side(dialect: Dialect) -> None:
+async def test_behind_a_radio_with_long_round_trips_two_uploads_run_at_once(dialect: Dialect) -> None:
     boards = behind_one_radio(3, dialect, Air(delay_s=(0.4, 0.4)))
     channel_of(boards[0].link).round_trip = RoundTrip(mean_s=0.8)
     assert all(await asyncio.gather(*(put(one, 5.0 + number) for number, one in enumerate(boards))))
@@ -89,7 +89,7 @@ async def test_without_a_radio_they_go_side_by_side() -> None:
     assert ended_s - begun_s < 0.2 * 0.4 * len(boards[0].items), "and not one round trip for each item"
 
 
-async def test_a_vehicle_that_does_not_answer_keeps_nobody_waiting() -> None:
+async def test_a_vehicle_that_does_not_answer_delays_no_other() -> None:
     mute, whole = behind_one_radio(2)
     mute.link.cut = True
     first = asyncio.ensure_future(put(mute, 1.0))

@@ -62,7 +62,7 @@ async def test_deadlines_leave_a_busy_computer_half_a_second() -> None:
     link.close()
 
 
-async def test_nobody_listens_after_the_end() -> None:
+async def test_no_messages_are_read_after_the_end() -> None:
     link, clock = link_of()
     await run_dialogue(ARM, link, clock)
     sent = len(link.sent)

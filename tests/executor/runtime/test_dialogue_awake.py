@@ -132,7 +132,7 @@ def test_a_deadline_that_passed_in_a_stall_waits_for_what_was_said_meanwhile(for
     assert run_virtual(asked) == Accepted()
 
 
-def test_who_is_silent_is_given_up_after_the_same_work() -> None:
+def test_a_silent_vehicle_is_given_up_after_the_same_work() -> None:
     async def asked() -> tuple[object, float, int]:
         clock = LoopClock()
         link = FakeLink(FakeAutopilot(PX4), clock)

@@ -132,7 +132,7 @@ async def test_a_silent_vehicle_is_replaced(autopilot: str, air: Air) -> None:
     assert sky.state.progress.separation_m >= 5.0
 
 
-async def test_no_vehicle_is_told_what_the_disk_does_not_hold_yet_and_everybody_is_heard_meanwhile() -> None:
+async def test_no_command_is_sent_before_it_is_on_disk_and_messages_are_read_at_the_same_time() -> None:
     async with flying(fleet_of(), LOSSY) as (sky, _):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         counts = {name: len(link.of_kind(MissionCount)) for name, link in sky.links.items()}
@@ -177,7 +177,7 @@ async def test_a_newer_order_takes_the_place_of_an_older_one() -> None:
     assert sky.flyers["uav1"].mode == sky.flyers["uav1"].dialect.modes.return_home
 
 
-async def test_who_is_heard_in_the_moment_of_the_flights_end_is_brought_home() -> None:
+async def test_a_link_regained_at_the_end_of_the_flight_still_gets_rtl() -> None:
     """Everybody else has landed, and the last that was lost says on its mission that it flies."""
     async with flying(fleet_of()) as (sky, task):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
@@ -196,7 +196,7 @@ async def test_who_is_heard_in_the_moment_of_the_flights_end_is_brought_home() -
     assert sky.flyers["uav2"].mode == sky.flyers["uav2"].dialect.modes.return_home
 
 
-async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
+async def test_ending_supervision_leaves_the_vehicles_on_their_missions() -> None:
     async with flying(fleet_of()) as (sky, task):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.flight.stop_supervising()
@@ -205,7 +205,7 @@ async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
         assert all(flyer.armed and flyer.mode == flyer.dialect.modes.mission for flyer in sky.flyers.values())
 
 
-async def test_who_leaves_while_the_solver_works_gives_nobody_another_mission() -> None:
+async def test_ending_supervision_while_the_solver_works_uploads_no_mission() -> None:
     async with flying(fleet_of()) as (sky, task):
         sky.solver = sky.flight._solver = FakeSolver(takes_s=30.0)
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
@@ -218,7 +218,7 @@ async def test_who_leaves_while_the_solver_works_gives_nobody_another_mission() 
         assert {name: len(link.of_kind(MissionCount)) for name, link in sky.links.items()} == counts
 
 
-async def test_who_leaves_during_an_upload_leaves_no_mixture_on_board() -> None:
+async def test_ending_supervision_during_an_upload_leaves_no_mix_on_board() -> None:
     async with flying(fleet_of(autopilot="ardupilot")) as (sky, task):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
@@ -231,7 +231,7 @@ async def test_who_leaves_during_an_upload_leaves_no_mixture_on_board() -> None:
         assert not any(sky.state.vehicles[name].fault for name in waits_for)
 
 
-async def test_who_leaves_at_once_waits_for_nobody() -> None:
+async def test_ending_the_program_at_once_waits_for_no_vehicle() -> None:
     async with flying(fleet_of(autopilot="ardupilot")) as (sky, task):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
@@ -336,7 +336,7 @@ async def test_one_link_that_fails_keeps_no_heartbeat_from_the_others() -> None:
     assert said == ["internal error in our heartbeat to uav1: RuntimeError: no such port"]
 
 
-async def test_who_shows_the_flight_cannot_keep_a_decision_from_being_carried_out() -> None:
+async def test_a_failing_display_cannot_block_a_decision() -> None:
     def gone(*_: object) -> None:
         raise OSError(5, "input/output error")
 

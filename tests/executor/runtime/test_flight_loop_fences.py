@@ -56,7 +56,7 @@ async def test_the_fence_is_on_board_and_read_back_before_the_mission(autopilot:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-async def test_who_refuses_its_fence_flies_its_old_mission(autopilot: str) -> None:
+async def test_a_vehicle_that_refuses_its_fence_flies_its_old_mission(autopilot: str) -> None:
     async with flying(fenced(autopilot)) as (sky, _):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         first = {name: len(uploads(sky, name, MissionKind.MISSION)) for name in sky.links}

@@ -1,4 +1,4 @@
-"""Killed at a random instant: what is taken up again ends well, by a judge who saw everything."""
+"""Killed at a random instant: the resumed flight ends well, judged by the simulator's truth."""
 
 from __future__ import annotations
 

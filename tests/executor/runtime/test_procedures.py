@@ -85,7 +85,9 @@ class SleepyClock:
 
 @DIALECTS
 @pytest.mark.parametrize("answers", [[0], [4]], ids=["between two steps", "while it waits to arm again"])
-async def test_a_computer_that_slept_starts_nobody_by_an_old_word(dialect: Dialect, answers: list[int]) -> None:
+async def test_a_computer_that_slept_starts_no_vehicle_by_an_expired_clearance(
+    dialect: Dialect, answers: list[int]
+) -> None:
     pad, clock = Pad(dialect), SleepyClock()
     pad.vehicle.results[vehicle_commands.COMPONENT_ARM_DISARM] = answers
     start = asyncio.ensure_future(procedures.arm_and_start(pad.link, clock, dialect))
@@ -122,7 +124,7 @@ async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None
 
 
 @DIALECTS
-async def test_who_changes_its_mode_while_it_is_armed_wants_something_else_of_it(dialect: Dialect) -> None:
+async def test_a_foreign_mode_change_while_arming_cancels_the_start(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.vehicle.results[vehicle_commands.COMPONENT_ARM_DISARM] = [4]
     start = asyncio.ensure_future(pad.start())
@@ -173,7 +175,7 @@ async def test_a_return_is_seen_in_the_heartbeat(dialect: Dialect) -> None:
 
 
 @DIALECTS
-async def test_a_return_that_nobody_hears(dialect: Dialect) -> None:
+async def test_an_rtl_without_an_answer(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.link.cut = True
     assert await pad.send_home() == ProcedureResult(

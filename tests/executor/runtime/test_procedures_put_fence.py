@@ -70,7 +70,7 @@ async def test_what_is_refused_leaves_the_old_fence_whole(dialect: Dialect) -> N
 
 
 @DIALECTS
-async def test_who_stops_half_way_keeps_the_old_fence_whole(dialect: Dialect) -> None:
+async def test_an_interrupted_fence_upload_keeps_the_whole_old_fence(dialect: Dialect) -> None:
     board = Board(dialect)
     board.fence.stops_at = 4
     done = await board.put()

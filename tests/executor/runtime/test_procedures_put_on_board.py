@@ -115,7 +115,7 @@ async def test_a_mission_that_is_not_wanted_any_more_is_not_begun_again(dialect:
     assert (await once.put(wanted=False)).accepted, "what is begun is brought to its end"
 
 
-async def test_a_part_on_board_is_told_to_who_decides_and_in_the_end() -> None:
+async def test_a_partial_upload_is_reported_at_once_and_at_the_end() -> None:
     asked: list[bool] = []
     board = Board(ARDUPILOT, Air(delay_s=(0.2, 0.2)))
 

@@ -130,7 +130,7 @@ async def test_a_ground_station_that_dies_while_a_sortie_goes_on_board_holds_the
     assert not sky.state.vehicles["uav1"].turn.ahead
 
 
-async def test_nobody_starts_without_the_crews_word_and_an_abort_ends_the_day() -> None:
+async def test_no_vehicle_starts_without_confirmation_and_an_abort_ends_the_day() -> None:
     day = Day(
         Crew(GOOD, confirms=False), first={"uav1": (0, 2)}, later={"uav1": ((4, 6),)}, segments=4,
         moments=(wants(at(500), Action.ABORT),),
@@ -144,7 +144,7 @@ async def test_nobody_starts_without_the_crews_word_and_an_abort_ends_the_day() 
 
 
 @DIALECTS
-async def test_who_reboots_after_its_checks_is_looked_at_before_it_starts(autopilot: str) -> None:
+async def test_a_vehicle_that_reboots_after_its_checks_is_checked_again(autopilot: str) -> None:
     """Its first sortie waits for the other's take-off; meanwhile somebody unplugs it."""
     unplugged: list[str] = []
 

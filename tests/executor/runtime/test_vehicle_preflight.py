@@ -1,4 +1,4 @@
-"""Who answers, who is ready, and what is on board before anything moves."""
+"""Which vehicles answer and are ready, and their missions before take-off."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ async def test_a_parameter_that_is_no_number_is_not_known() -> None:
     assert (await ready.interview()).parameters == {}
 
 
-async def test_a_vehicle_whose_checks_fail_is_waited_for() -> None:
+async def test_a_vehicle_with_failing_checks_is_waited_for() -> None:
     ready = Ready(ARDUPILOT)
     ready.says(FAILING, 0.1)
     ready.says(SystemStatus(90.0, 16.0, 0, prearm_ok=True), 12.0)
@@ -199,7 +199,7 @@ async def test_a_place_in_the_gulf_of_guinea_is_no_place() -> None:
         await ready.interview(20.0)
 
 
-async def test_nobody_there() -> None:
+async def test_no_vehicle_answers() -> None:
     ready = Ready(PX4)
     ready.link.cut = True
     with pytest.raises(ConnectionFailed, match=r"uav1: no heartbeat of system 7 on udpin://:14550 within 15 s"):
@@ -227,7 +227,7 @@ async def test_a_mission_that_does_not_come_on_board_stops_the_flight(dialect: D
 
 
 @DIALECTS
-async def test_an_upload_that_was_broken_off_is_tried_again_before_anybody_is_refused(dialect: Dialect) -> None:
+async def test_an_interrupted_upload_is_tried_again_before_a_vehicle_is_refused(dialect: Dialect) -> None:
     """A radio that drops out in the midst of an upload, for longer than one upload is repeated in flight."""
     ready, told = Ready(dialect), list[str]()
     setup = plan_flight_setup(line_east(3), ["uav1"], Inspection())
@@ -282,7 +282,9 @@ async def test_an_upload_that_is_always_broken_off_is_a_refusal(dialect: Dialect
 
 
 @pytest.mark.parametrize(("armed", "found"), [(False, True), (True, False)])
-async def test_who_goes_to_and_fro_is_two_on_the_ground_and_one_in_the_air(*, armed: bool, found: bool) -> None:
+async def test_alternating_positions_are_two_vehicles_on_the_ground_and_one_in_the_air(
+    *, armed: bool, found: bool
+) -> None:
     """A flight that is resumed asks its vehicles in the air."""
     heard = vehicle_preflight._VehicleAnswers(LoopClock())
     heard.update(Heartbeat(3, 3, armed=armed, system_status=4))

@@ -1,4 +1,4 @@
-"""After the ground station was away: who is asked what, and how long the others wait for it."""
+"""After an absence of the ground station: the requests to each vehicle, and how long the others wait."""
 
 from __future__ import annotations
 
@@ -81,13 +81,13 @@ async def asked(state: FleetState, air: Air) -> tuple[Found, float, FakeLink]:
 
 
 @pytest.mark.parametrize("stage", [Stage.PILOT, Stage.RETURNING, Stage.LANDED])
-async def test_what_somebody_carries_who_does_not_fly_by_it_is_not_read(stage: Stage) -> None:
+async def test_the_mission_of_a_vehicle_that_does_not_fly_it_is_not_read(stage: Stage) -> None:
     found, _, link = await asked(known(stage), CLEAN)
     assert (found.heard, found.items) == (True, None)
     assert link.of_kind(MissionRequestList) == []
 
 
-async def test_what_somebody_carries_who_flies_by_it_is_read() -> None:
+async def test_the_mission_of_a_vehicle_that_flies_it_is_read() -> None:
     found, took_s, _ = await asked(known(Stage.FLYING), CLEAN)
     assert found.items == len(ITEMS)
     assert [match.whole for match in found.matches] == [True]

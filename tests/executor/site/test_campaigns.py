@@ -1,4 +1,4 @@
-"""Who flies many flights on paper: the same answer from one process, several, or a cluster."""
+"""Campaigns of simulated flights: the same answer from one process, several, or a cluster."""
 
 from __future__ import annotations
 

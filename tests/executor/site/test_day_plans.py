@@ -105,7 +105,7 @@ def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
         assert one.home_alt_m == pad.alt_m
 
 
-def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
+def test_a_vehicle_with_its_own_pad_is_planned_from_there() -> None:
     lat_deg, lon_deg = FRAME.to_wgs84_deg(300.0, -200.0)
     hill: dict[str, Any] = {"name": "hill", "kind": "pad", "lat_deg": lat_deg, "lon_deg": lon_deg}
     site = site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY)
@@ -169,7 +169,7 @@ def test_a_loss_leaves_what_has_landed_and_the_others_fly_what_was_on_board_and_
         preview_day_loss(day, "uav9", 0.0, seed=1)
 
 
-def test_who_alone_had_segments_is_lost_and_others_fly_them() -> None:
+def test_locked_segments_of_a_lost_vehicle_are_flown_by_others() -> None:
     ground, day = between_bases(lock=[{"segments": ["segment 7"], "vehicle": "uav1"}])
     assert day.pricing.locked
     after, is_complete = preview_day_loss(day, "uav1", 0.0, seed=1)
@@ -188,7 +188,7 @@ def test_a_day_of_another_line_is_refused(day: DayPlanFile) -> None:
     assert re.search("expected one of the site's 4 segments", refused(day, other))
 
 
-def test_a_day_whose_figures_are_not_its_own_is_refused(ground: SiteModel, day: DayPlanFile) -> None:
+def test_a_day_with_foreign_figures_is_refused(ground: SiteModel, day: DayPlanFile) -> None:
     wrong = replace(day, finish_s=1.0)
     assert "finish_s is 1, its content gives" in refused(wrong, ground)
 

@@ -47,7 +47,7 @@ def test_a_picture_and_heights_are_read_around_the_line(tmp_path: Path) -> None:
     assert view.attribution == "Land survey"
 
 
-def test_the_site_has_the_last_word_on_whom_a_picture_is_by(tmp_path: Path) -> None:
+def test_the_site_overrides_the_attribution_of_a_picture(tmp_path: Path) -> None:
     write_mbtiles(tmp_path / "area.mbtiles", FRAME, facts={"format": "png", "attribution": "somebody"})
     table = MapTable(background="area.mbtiles", attribution="© Crew")
     assert build_ground_view(table, tmp_path, FRAME, PLACES_M).attribution == "© Crew"

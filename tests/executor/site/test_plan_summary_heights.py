@@ -44,7 +44,7 @@ def test_flat_ground_is_said_to_be_taken_for_that() -> None:
     ]  # fmt: skip
 
 
-def test_over_the_ceiling_nobody_flies() -> None:
+def test_over_the_ceiling_no_vehicle_flies() -> None:
     fleet = fleet_of(inspection={"ceiling_m": 20.0})
     paths = [board.path for board in fleet.boards.values() if board is not None]
     stops = [

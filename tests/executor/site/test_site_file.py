@@ -300,7 +300,7 @@ def test_secrets_come_from_the_environment() -> None:
             read_secret("P", "mqtt.password_env", "site.toml", environment)
 
 
-def test_radios_are_named_by_whom_their_reports_come_from() -> None:
+def test_radios_are_named_by_the_sender_of_their_reports() -> None:
     assert check_site(content(), "site.toml").link.senders is None
     named = content(link={"radios": [{"system": 51, "component": 68}]})
     assert check_site(named, "site.toml").link.senders == frozenset({(51, 68)})
@@ -331,7 +331,7 @@ def test_a_radio_that_cannot_be(radios: list[dict[str, int]], why: str) -> None:
         (2, "link.station_sysid: expected a number that no vehicle has, got 2, the sysid of vehicle 'uav2'"),
     ],
 )
-def test_our_own_number_is_nobody_elses(ours: int, why: str) -> None:
+def test_our_station_number_must_be_unique(ours: int, why: str) -> None:
     two = (vehicle(1), vehicle(2, connection="udpin://127.0.0.1:14552"))
     assert reason(content(*two, link={"station_sysid": ours})) == why
     assert check_site(content(*two), "site.toml").link.station == (255, 190)

@@ -67,7 +67,7 @@ def test_overlap_follows_from_the_lens_and_the_distance() -> None:
     assert look.every_m == 6.3  # 40 % of 24 mm at 24 mm from 15.8 m
 
 
-def test_a_plan_gives_spans_to_those_who_can_see_them_and_its_file_says_so(tmp_path: Path) -> None:
+def test_a_plan_assigns_spans_to_vehicles_with_the_camera_and_its_file_records_it(tmp_path: Path) -> None:
     made = ground([{**RGB, "vehicles": ["uav2"]}], [{**EVERY, "segments": ["segment 1", "segment 2"]}])
     task = site_model.build_first_task(made)
     plan = solve(task.instance, cost=Cost.MINMAX, stop=Iterations(2000), seed=1).plan

@@ -74,7 +74,7 @@ CHANGED: dict[str, tuple[dict[str, Mapping[str, object]], str]] = {
 
 
 @pytest.mark.parametrize(("tables", "expected"), CHANGED.values(), ids=CHANGED)
-def test_a_plan_whose_site_has_changed_is_refused(tables: dict[str, Mapping[str, object]], expected: str) -> None:
+def test_a_plan_for_a_changed_site_is_refused(tables: dict[str, Mapping[str, object]], expected: str) -> None:
     other = ground_for(site_of(NAMES, "ardupilot", **tables), line_east(7))
     with pytest.raises(PlanFileError, match=r"^plan\.json: the site has changed: .*: plan again$") as refused:
         check_plan_fits(PLAN, other, "plan.json")
@@ -153,7 +153,7 @@ def test_of_many_that_are_left_over_some_are_named() -> None:
     assert line.endswith("and 36 more")
 
 
-def test_nobody_flies() -> None:
+def test_no_vehicle_flies() -> None:
     assert summarise_plan(poor({"uav1": 0.1})) == "none of 6 segments, no vehicle flies"
 
 

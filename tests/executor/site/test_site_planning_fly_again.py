@@ -35,7 +35,7 @@ def test_a_plan_file_says_whether_they_do(tmp_path: Path) -> None:
         assert read_plan(tmp_path / "plan.json").fly_again is again
 
 
-def test_who_has_landed_takes_over_nothing() -> None:
+def test_a_landed_vehicle_takes_over_nothing() -> None:
     content = uneven()
     instance = content.build_instance()
     first_s, second_s, _ = completion_times_s(instance, content.plan.routes[1])

@@ -1,4 +1,4 @@
-"""Modes by what they mean, held against pymavlink's own names and PX4's own numbers."""
+"""Modes by their meaning, compared with pymavlink's names and PX4's numbers."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def test_pictures_of_other_bands_are_shown(change: Callable[[Colours], Colours],
     assert middle[0, 3] == 255
 
 
-def test_whom_it_is_by_is_read_without_markup(tmp_path: Path) -> None:
+def test_the_attribution_is_read_without_markup(tmp_path: Path) -> None:
     facts = {"format": "png", "attribution": '&copy; <a href="http://example.org">Land survey</a>\n2026'}
     assert read_background(write_mbtiles(tmp_path / "a.mbtiles", FRAME, facts=facts), WANTED).attribution == (
         "© Land survey 2026"

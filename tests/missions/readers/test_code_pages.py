@@ -75,7 +75,7 @@ def test_what_is_guessed_is_said(cpg: str | None, words: str, encoding: str, nam
     assert [(one.matter, one.asset, one.text) for one in understood.found] == [(RemarkTopic.FILE, "lines.dbf", text)]
 
 
-def test_who_knows_better_says_the_encoding_of_a_shapefile(tmp_path: Path) -> None:
+def test_the_user_may_set_the_encoding_of_a_shapefile(tmp_path: Path) -> None:
     path = written(tmp_path, "cp1250", byte=0x57, cpg="1252")
     understood = import_network(path, Selection(encoding="cp1250"), anywhere=True)
     assert (names_of(understood), understood.found) == ({NAME}, ())

@@ -1,4 +1,4 @@
-"""A country's file: what is near the depot is cut out of it before anybody asks how far it reaches."""
+"""A country's file: the part near the depot is cut out before any check of the whole."""
 
 from __future__ import annotations
 

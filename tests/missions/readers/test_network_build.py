@@ -114,7 +114,7 @@ def test_a_line_of_no_length_is_left_out() -> None:
     assert said(found, RemarkTopic.ZERO)[-1] == "V1: a part without length: left out"
 
 
-def test_long_spans_are_divided_where_nobody_drew_poles() -> None:
+def test_long_spans_are_divided_without_poles() -> None:
     found = built(line("V1", (0, 0), (1000, 0), (1100, 0)), mending=MendingLimits(max_span_m=300.0))
     assert len(found.segments) == 5
     assert said(found, RemarkTopic.CUT) == ["V1: 1000 m without a pole: divided into 4 spans of 250 m"]

@@ -46,7 +46,7 @@ def test_what_excel_calls_unicode_is_read(encoding: str, is_said: bool, tmp_path
     assert [one.text for one in understood.found] == ([] if is_said else ["no encoding is stated: read as utf-16-le"])
 
 
-def test_who_knows_better_says_the_encoding(tmp_path: Path) -> None:
+def test_the_user_may_set_the_encoding(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(table("Ole\xe8").encode("latin-1"))
     said = {

@@ -1,4 +1,4 @@
-"""Vehicles lost during days of sorties: what is left, and until when a loss is made good."""
+"""Vehicles lost during days of sorties: the remaining problem, and until when a loss can be absorbed."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_re_plan_and_what_was_kept_are_a_whole_plan_of_the_day() -> None:
     assert all(one in whole.routes for one in left.kept)
 
 
-def test_the_window_begins_after_the_last_sortie_whose_loss_nobody_makes_good() -> None:
+def test_the_window_begins_after_the_last_sortie_that_no_vehicle_can_replace() -> None:
     instance, plan = short_day(end_s=1_200.0)
     found = find_loss_windows(instance, plan)
     broken = [one for one in found if one.breaks is not None]

@@ -33,7 +33,7 @@ def test_what_days_come_to_does_not_depend_on_how_they_are_parted() -> None:
     assert flown(campaign, 25).losses > 0.0
 
 
-def test_more_spares_finish_more_often_and_nobody_fails_without_failures() -> None:
+def test_more_spares_finish_more_often_and_no_run_fails_without_failures() -> None:
     instance, plan = short_day(end_s=1_500.0)
     certain = flown(SurvivalCampaign(instance, plan, 1e6), 20)
     assert (certain.finished.estimate, certain.losses) == (1.0, 0.0)

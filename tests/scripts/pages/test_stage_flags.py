@@ -110,7 +110,7 @@ def test_whatever_befalls_a_flight_keeps_to_the_tables(trouble: list[tuple[float
     assert set(flight.state.vehicles) == set(THREE)
 
 
-def test_who_is_excluded_while_its_mission_is_put_on_board_does_not_start() -> None:
+def test_a_vehicle_excluded_during_its_upload_does_not_start() -> None:
     """It was told that it stays on the ground: somebody may stand at its pad."""
     flight = story(fleet_of({"uav1": (0, 2, 4), "uav2": (6, 8), "uav3": ()}))
     flight.pass_s(40.0)
@@ -123,7 +123,7 @@ def test_who_is_excluded_while_its_mission_is_put_on_board_does_not_start() -> N
 
 
 @pytest.mark.parametrize("out", [{"fault": BATTERY_FAULT}, {"excluded": True}])
-def test_who_is_out_of_the_plan_is_not_taken_back_to_hold(out: dict[str, object]) -> None:
+def test_a_vehicle_out_of_the_plan_is_not_included_for_a_hold(out: dict[str, object]) -> None:
     """From a hold it would be sent on, on a mission that others fly."""
     flight = story()
     flight.pass_s(30.0)

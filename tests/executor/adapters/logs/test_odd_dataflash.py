@@ -127,7 +127,7 @@ def test_a_log_without_a_mode(tmp_path: Path) -> None:
     ("said", "words"),
     [("ArduPlane V3.8.0", "fixed wing"), ("APMrover2 V2.45", "ground rover"), ("ArduSub V4.1", "submarine")],
 )
-def test_who_else_wrote_it(said: str, words: str, tmp_path: Path) -> None:
+def test_logs_of_other_writers(said: str, words: str, tmp_path: Path) -> None:
     path = log((*MSG, SECOND, said), (*MODE, SECOND, 3, 3, 1), (*BAT, 2 * SECOND, 15.0, 20.0, 1.0)).write(
         tmp_path / "a.BIN"
     )

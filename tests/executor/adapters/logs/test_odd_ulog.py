@@ -92,7 +92,7 @@ def test_a_time_that_is_damaged_is_counted(tmp_path: Path) -> None:
     assert file.skipped.impossible == 1
 
 
-def test_without_vehicle_status_nobody_knows_anything(tmp_path: Path) -> None:
+def test_without_vehicle_status_nothing_is_known(tmp_path: Path) -> None:
     writer = UlogWriter({"battery_status": OLD_BATTERY})
     writer.say(SECOND, "battery_status", voltage_v=15.5)
     path = writer.write(tmp_path / "a.ulg")

@@ -194,7 +194,7 @@ def test_whether_an_estimator_knows_where_it_is_on_the_earth(flags: int, *, know
     assert heard(ardupilot) == heard(px4) == [EstimatorStatus(is_absolute=knows)]
 
 
-def test_satellites_that_nobody_counted_and_a_fix_that_is_none() -> None:
+def test_uncounted_satellites_and_an_invalid_fix() -> None:
     assert gps(3, 255) == Gps(3, None, measured_s=1.0)
     assert gps(200, 10) is None
 
@@ -317,7 +317,7 @@ def test_a_parameters_name_is_shown_as_text() -> None:
     assert value == ParamValue("A\ufffd[2JB", 1.0, 9)
 
 
-def test_who_spoke_once_is_forgotten_before_who_speaks_still() -> None:
+def test_a_single_sender_is_forgotten_before_an_active_one() -> None:
     """Anybody may begin a text in the name of any system; a vehicle's own is put together all the same."""
     texts, parts = StatusTextAssembler(), (b"v" * 50, b"the end")
     texts.count_frame((7, 1))
@@ -376,7 +376,7 @@ def test_an_order_under_our_own_number_may_be_a_routers_echo() -> None:
     assert found == [OrderSeen(176, 6, None, 7), OrderSeen(20, None, None, 7)]
 
 
-def test_with_a_number_of_our_own_nobody_elses_order_is_taken_for_ours() -> None:
+def test_with_our_own_number_no_foreign_order_counts_as_ours() -> None:
     codec, other = MavlinkCodec(station=(254, 190)), mav.MAVLink(None, srcSystem=255, srcComponent=190)
     orders = (
         mav.MAVLink_set_mode_message(7, 1, 6).pack(other),

@@ -203,7 +203,7 @@ def test_another_ground_stations_heartbeat_is_handed_on_and_changes_nothing() ->
     assert (link.counts.foreign, link.counts.received, link.component, behind.codec.autopilots) == (1, 0, 1, {})
 
 
-def test_another_stations_order_is_told_to_whom_it_is_for() -> None:
+def test_another_stations_order_is_reported_for_its_vehicle() -> None:
     behind, heard = Behind(7, 8), (list[Message](), list[Message]())
     for link, by_link in zip(behind.links, heard, strict=True):
         link.listen(by_link.append)
@@ -230,7 +230,7 @@ def test_every_vehicle_on_a_port_hears_of_another_ground_station_there() -> None
     assert heard == ([StationHeard(254, 190)], [StationHeard(254, 190)])
 
 
-def test_a_text_whose_end_never_came_is_handed_on_all_the_same() -> None:
+def test_an_incomplete_text_is_forwarded() -> None:
     behind, _, heard = link_of()
     torn = mav.MAVLink_statustext_message(4, b"x" * 50, 9, 0)
     vehicle = Vehicle()
@@ -273,7 +273,7 @@ def test_bytes_both_ways_are_told_with_every_fifth_heartbeat() -> None:
     assert [one.link_bytes for one in counted] == [(5 + 4) * 21, (5 + 5) * 21], "received and sent"
 
 
-def test_another_component_moves_nobody_and_is_no_second_vehicle() -> None:
+def test_another_component_moves_no_vehicle_and_is_no_second_one() -> None:
     """A computer on board may send from an address of its own."""
     behind, link, heard = link_of()
     first, second = frames([0, 1])

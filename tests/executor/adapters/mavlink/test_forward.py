@@ -1,4 +1,4 @@
-"""Stations beside us, fed by hand: who gets what of the vehicles, who orders, and what the crew is told of it."""
+"""Other ground stations, fed by hand: forwarded frames, orders, and the lines for the crew."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_every_frame_of_every_vehicle_goes_to_every_station_as_it_came() -> None
     assert first.heard == second.heard == came
 
 
-def test_answers_go_to_whom_they_are_for_and_ours_to_nobody() -> None:
+def test_answers_go_to_their_addressee_and_ours_to_no_station() -> None:
     sky = Sky()
     first, second = Station(sky), Station(sky, (250, 190))
     first.say(BEAT)
@@ -114,7 +114,7 @@ def test_our_radio_is_reported_to_them_as_well() -> None:
     assert station.heard == [report]
 
 
-def test_who_only_listens_reaches_no_vehicle_and_is_told_so_once() -> None:
+def test_a_listening_station_reaches_no_vehicle_which_is_reported_once() -> None:
     sky = Sky(allow=False)
     station = Station(sky)
     for _ in range(30):
@@ -212,7 +212,7 @@ def test_what_a_hundred_strangers_may_not_do_is_a_bounded_number_of_lines() -> N
     ("sender", "why"),
     [((OURS, 190), link.HAS_OUR_SYSTEM.format(ours=OURS)), ((8, 1), link.HAS_VEHICLES_SYSTEM)],
 )
-def test_nobody_orders_under_our_number_or_a_vehicles(sender: tuple[int, int], why: str) -> None:
+def test_no_station_orders_under_our_number_or_a_vehicles(sender: tuple[int, int], why: str) -> None:
     sky = Sky()
     Station(sky, sender).say(BEAT, RTL)
     assert sky.sent == {7: [], 8: []}
@@ -220,7 +220,7 @@ def test_nobody_orders_under_our_number_or_a_vehicles(sender: tuple[int, int], w
 
 
 @pytest.mark.parametrize("one_port", [True, False])
-def test_what_is_for_everybody_goes_once_over_each_channel(one_port: bool) -> None:
+def test_a_broadcast_goes_once_over_each_channel(one_port: bool) -> None:
     sky = Sky(one_port=one_port)
     [frame] = Station(sky).say(mav.MAVLink_set_mode_message(0, 1, 6))
     assert sky.sent == {7: [frame], 8: [] if one_port else [frame]}
@@ -312,7 +312,7 @@ def test_a_mission_of_theirs_waits_for_the_end_of_ours() -> None:
 
 
 @pytest.mark.parametrize(("key", "passes"), [(b"k" * 32, True), (b"x" * 32, False), (None, False)])
-def test_only_who_holds_the_vehicles_key_orders_signed_vehicles(key: bytes | None, passes: bool) -> None:
+def test_only_a_station_with_the_key_orders_signed_vehicles(key: bytes | None, passes: bool) -> None:
     sky = Sky(key=b"k" * 32)
     station = Station(sky)
     if key is not None:

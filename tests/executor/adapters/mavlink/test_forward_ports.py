@@ -165,7 +165,7 @@ async def test_a_port_that_is_taken_does_not_keep_us_from_vehicles_in_the_air(mo
                     assert await ground.order() == RTL
 
 
-async def test_a_host_that_nobody_knows_is_one_line_before_the_flight() -> None:
+async def test_an_unknown_host_is_one_line_before_the_flight() -> None:
     with pytest.raises(ConnectionFailed, match=r"^forward\.to: .*: cannot be opened: "):
         async with beside("udpout://no.such.host.invalid:14550"):
             pass

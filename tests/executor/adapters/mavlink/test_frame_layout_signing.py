@@ -62,7 +62,7 @@ def test_what_pymavlink_signed_is_believed() -> None:
     assert current == MissionCurrent(4, None)
 
 
-def test_who_does_not_hold_the_key_is_refused() -> None:
+def test_a_sender_without_the_key_is_refused() -> None:
     codec = ours()
     assert verdicts(codec, Peer(None).pack(), Peer(bytes(32)).pack()) == [
         FrameRejection.UNSIGNED,
@@ -70,7 +70,7 @@ def test_who_does_not_hold_the_key_is_refused() -> None:
     ]
 
 
-def test_a_forged_time_shuts_nobody_out() -> None:
+def test_a_forged_time_locks_out_no_vehicle() -> None:
     """Only a signature that is right tells how far a stream has come."""
     codec = ours()
     assert verdicts(codec, Peer(bytes(32), ticks=TICKS + 10**9).pack()) == [FrameRejection.FORGED]

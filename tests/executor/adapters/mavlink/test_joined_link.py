@@ -179,7 +179,7 @@ def test_a_state_that_does_not_come_over_the_link_in_use_is_taken_from_the_other
     assert told == [80, 77, 76, 75]
 
 
-def test_what_is_said_to_everybody_counts_once(both: Both) -> None:
+def test_a_broadcast_counts_once(both: Both) -> None:
     text = mav.MAVLink_statustext_message(4, b"Battery 1 is low")
     both.say(LTE, text, at_s=0.0)
     both.say(RADIO, text, at_s=0.6)

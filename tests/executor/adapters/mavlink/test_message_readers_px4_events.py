@@ -84,7 +84,7 @@ def test_what_is_heard(datagrams: list[bytes], found: list[Message]) -> None:
     assert evidence(*datagrams) == found
 
 
-def test_one_whose_checksum_is_wrong_is_noise() -> None:
+def test_a_frame_with_a_wrong_checksum_is_noise() -> None:
     torn = bytearray(ENTERS)
     torn[20] ^= 1
     codec = MavlinkCodec()

@@ -321,7 +321,7 @@ def test_of_two_lists_of_channels_the_longer_is_taken(tmp_path: Path) -> None:
     assert [len(said.values_us) for _, _, said in records if isinstance(said, RcChannels)] == [12] * 8
 
 
-def test_a_text_whose_end_never_comes_is_told_as_far_as_it_came(tmp_path: Path) -> None:
+def test_an_incomplete_text_is_shown_as_far_as_it_came(tmp_path: Path) -> None:
     part = mav.MAVLink_statustext_message(2, b"Battery 1 is critical 13.10V used 6400 mAh, going ", 7, 0)
     said = [said for _, _, said in read(written(tmp_path, heartbeat(), part, *[heartbeat()] * 3))[0]]
     first = StatusText(2, "Battery 1 is critical 13.10V used 6400 mAh, going")

@@ -263,7 +263,7 @@ async def test_what_the_broker_holds_is_forgotten_where_that_is_asked_for(clear:
         assert await held(broker.port) == ({THERE} if clear else {THERE, "t/state", "t/plan"})
 
 
-async def test_nobody_there_at_all_holds_nobody_up() -> None:
+async def test_an_absent_broker_delays_nothing() -> None:
     async with station(at(free_port())) as here:
         for number in range(2000):
             here.outbox.enqueue(MqttMessage("t/events", b"%d" % number))

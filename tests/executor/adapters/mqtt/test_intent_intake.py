@@ -1,4 +1,4 @@
-"""What is taken from the broker, what is refused, and how it is told."""
+"""Intents from the broker: accepted, refused, and their answers."""
 
 from __future__ import annotations
 

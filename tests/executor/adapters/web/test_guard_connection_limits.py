@@ -1,4 +1,4 @@
-"""Who is let in at the page's server: nobody keeps the crew out, by whatever means."""
+"""Connection limits of the page's server: no client can lock the crew out."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_of_one_address_those_make_room_that_were_silent_longest() -> None:
 
 
 @pytest.mark.usefixtures("abroad")
-def test_where_everybody_is_being_answered_it_is_said_that_there_is_no_room() -> None:
+def test_with_all_connections_busy_a_new_one_is_refused() -> None:
     looks = b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"
     with (
         listening(ConnectionLimits(connections=ConnectionQuota(here=64, elsewhere=2, address=2))) as beside,
@@ -131,7 +131,7 @@ WHOLE = b"GET /clock HTTP/1.1\r\nHost: localhost\r\n\r\n"
     "said", [b"", b"G", b"GET / HTTP/1.1\r\nHost: loc", POST, POST + b'{"id":', WHOLE, WHOLE + WHOLE[:20]],
     ids=["nothing", "a letter", "half a head", "no body", "half a body", "no second request", "half a second request"],
 )  # fmt: skip
-def test_who_does_not_come_to_an_end_is_hung_up_on(said: bytes) -> None:
+def test_an_endless_request_is_cut_off(said: bytes) -> None:
     with listening(QUICK) as beside, ExitStack() as stack:
         answer = ended(connected(stack, beside, said=said))
     # Who asked for something may be answered first; a busy computer hangs up before it has come to that.
@@ -156,7 +156,7 @@ def test_a_letter_now_and_then_does_not_help() -> None:
         assert sent < 100
 
 
-def test_who_takes_nothing_of_an_answer_is_hung_up_on() -> None:
+def test_a_client_that_reads_no_answer_is_cut_off() -> None:
     with listening(QUICK) as beside, ExitStack() as stack:
         one = connected(stack, beside, said=b"GET /files/page.css HTTP/1.1\r\nHost: localhost\r\n\r\n" * 1000)
         poll = select.poll()

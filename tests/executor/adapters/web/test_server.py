@@ -1,4 +1,4 @@
-"""The server beside a flight: what it shows, whom it lets in, and that nobody delays the flight."""
+"""The server of a flight: its data, its access checks, and that no client delays the flight."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def test_states_follow_each_other_within_a_second(open_one: Beside) -> None:
     assert shown_s[-1] == pytest.approx(shown_s[0] + 1.2, abs=0.01)
 
 
-def test_who_looks_sees_the_end_and_is_let_go() -> None:
+def test_an_open_page_sees_the_end_and_is_disconnected() -> None:
     with serving() as beside, beside.client() as client, client.stream("GET", "/events") as stream:
         lines = (line for line in stream.iter_lines() if line.startswith("data: "))
         next(lines)
@@ -281,7 +281,7 @@ def test_a_link_of_this_computer_opens_the_page_and_nothing_else(
         assert client.get(path, headers={**LINK, **changes}).status_code == status
 
 
-def test_nobody_sends_much(open_one: Beside) -> None:
+def test_large_requests_are_refused(open_one: Beside) -> None:
     with open_one.client() as client:
         kind = {"content-type": "application/json"}
         assert client.post("/intents", content=b"x" * 5000, headers=kind).status_code == 413
@@ -333,7 +333,7 @@ def test_a_flight_that_does_not_decide_is_said() -> None:
     assert (answer.status_code, answer.text) == (503, "the flight does not answer")
 
 
-def test_garbage_on_the_wire_harms_nobody(open_one: Beside) -> None:
+def test_garbage_on_the_wire_does_no_harm(open_one: Beside) -> None:
     for garbage in (
         b"\x00" * 3000,
         b"GET / HTTP/9\r\n\r\n",
@@ -348,7 +348,7 @@ def test_garbage_on_the_wire_harms_nobody(open_one: Beside) -> None:
 
 @pytest.mark.asyncio
 @pytest.mark.looptime
-async def test_who_does_not_follow_gets_the_newest_and_then_is_let_go() -> None:
+async def test_a_slow_browser_gets_the_newest_state_and_is_then_disconnected() -> None:
     newest, taken = LatestValue(), list[bytes]()
     stuck = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""The ground below the maps: where it belongs, said whom it is by, and nothing that is drawn over it gets lost."""
+"""The background of the maps: in place, with attribution, and nothing drawn over it is hidden."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_contour_lines_are_drawn_with_their_heights() -> None:
         assert any("contours every 10 m" in one.get_text() for one in axes.texts)
 
 
-def test_whom_the_ground_is_by_has_room_in_the_strip() -> None:
+def test_the_attribution_of_the_ground_fits_into_the_strip() -> None:
     long = GroundView(*compute_shown_area(PLACES_M), halves().background, attribution="© " + "a very long name " * 30)
     figure = draw_plan_figure(first_plan_file(), long)
     drawn(figure)

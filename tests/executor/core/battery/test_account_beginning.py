@@ -1,4 +1,4 @@
-"""What is taken to be so of a battery before anything was heard."""
+"""The initial state of a battery, before any message."""
 
 from __future__ import annotations
 

@@ -53,5 +53,5 @@ def test_its_last_flights_count_and_one_strange_one_does_not() -> None:
     assert known.capacity_ah[1] > 1.0
 
 
-def test_a_pack_that_nobody_flew() -> None:
+def test_a_pack_that_was_never_flown() -> None:
     assert build_pack_history("new", []) == PackHistory("new")

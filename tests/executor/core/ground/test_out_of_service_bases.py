@@ -55,7 +55,7 @@ def starts(sky: DaySky, vehicle: str) -> int:
 
 @pytest.mark.asyncio
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-async def test_who_is_in_the_air_lands_at_a_closed_base_and_others_fly_its_later_sorties(autopilot: str) -> None:
+async def test_a_flying_vehicle_lands_at_a_closed_base_and_others_fly_its_later_sorties(autopilot: str) -> None:
     day = Day(Crew(FULL), bases=BASES, moments=(crew_asks(at(40), Action.CLOSE, "east"),
                                                 wants(at(1500), Action.ABORT)))  # fmt: skip
     sky, flown = await day_flown(day, autopilot)
@@ -72,7 +72,7 @@ async def test_who_is_in_the_air_lands_at_a_closed_base_and_others_fly_its_later
 @pytest.mark.asyncio
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("armed", [False, True])
-async def test_who_is_about_to_take_off_from_a_closed_base_stays(autopilot: str, *, armed: bool) -> None:
+async def test_a_vehicle_about_to_take_off_from_a_closed_base_stays(autopilot: str, *, armed: bool) -> None:
     shut = crew_asks(in_stage("uav2", Stage.STARTING, armed=armed), Action.CLOSE, "east")
     day = Day(
         Crew(FULL), bases=BASES, later={}, segments=4,
@@ -103,7 +103,7 @@ async def test_a_sortie_that_goes_on_board_does_not_start_at_a_closed_base_and_i
 
 @pytest.mark.asyncio
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-async def test_a_spare_takes_over_the_last_sortie_of_who_has_most_ahead(autopilot: str) -> None:
+async def test_a_spare_takes_over_the_last_sortie_of_the_busiest_vehicle(autopilot: str) -> None:
     day = Day(
         Crew(FULL), first={"uav1": (0,), "uav2": (2,), "uav3": ()}, segments=6,
         later={"uav1": ((4,), (6,), (8,)), "uav2": ((10,),)}, moments=(wants(at(30), Action.SWAP, "uav3"),),
@@ -141,7 +141,7 @@ def test_what_is_refused(action: Action, base: str, shut: tuple[str, ...], code:
 
 
 @pytest.mark.parametrize("action", [Action.SWAP, Action.INCLUDE])
-def test_who_stands_at_a_closed_base_is_not_sent_out(action: Action) -> None:
+def test_a_vehicle_at_a_closed_base_is_not_sent_out(action: Action) -> None:
     one = flying(stage=Stage.LANDED)
     one = replace(one, telemetry=replace(one.telemetry, heartbeat=None))
     context = replace(FLEET.context, day=DayRules(30.0, {"uav1": "west"}, {}))

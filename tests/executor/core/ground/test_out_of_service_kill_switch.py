@@ -27,7 +27,7 @@ def killed(flight: Story, text: str) -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_who_stands_with_its_kill_switch_on_is_given_nothing_until_it_is_included(autopilot: str) -> None:
+def test_a_vehicle_with_its_kill_switch_on_gets_nothing_until_it_is_included(autopilot: str) -> None:
     flight = spare(autopilot)
     killed(flight, SAID[autopilot])
     killed(flight, SAID[autopilot])
@@ -52,7 +52,7 @@ def test_a_mission_that_is_on_its_way_to_it_then_starts_nothing() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING, "the others have its part"
 
 
-def test_who_does_not_arm_for_it_stays_and_the_others_have_its_work() -> None:
+def test_a_vehicle_that_does_not_arm_stays_and_the_others_get_its_segments() -> None:
     flight = spare()
     flight.crafts["uav2"].mute = True
     flight.start_s["uav4"] = 60.0
@@ -64,7 +64,7 @@ def test_who_does_not_arm_for_it_stays_and_the_others_have_its_work() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_was_stopped_as_soon_as_it_had_armed_is_not_armed_again() -> None:
+def test_a_vehicle_stopped_right_after_arming_is_not_armed_again() -> None:
     """Its HEARTBEAT says armed as it says so: only the start that fails shows that the switch ended it."""
     flight = spare()
     flight.crafts["uav2"].mute = True

@@ -84,7 +84,7 @@ def test_nothing_is_counted_before_the_launch_or_where_there_are_always_enough()
     assert describe_packs(None) == ""
 
 
-def test_who_is_in_the_air_brings_a_pack_that_is_charged_while_there_is_time() -> None:
+def test_the_pack_of_a_flying_vehicle_is_charged_again_while_there_is_time() -> None:
     aloft, context = flown(((0.0, None),), stage=Stage.FLYING), day_with(PackRules(1, 500.0))
     stock = count_packs(context, aloft, "uav2", NOW_S)
     assert stock == PackStock("west", 0, None, exhausted=False)
@@ -140,7 +140,7 @@ def test_a_pack_that_was_in_a_vehicle_as_the_crew_counted_is_not_taken_again() -
     )
 
 
-def test_a_count_is_refused_where_nobody_counts() -> None:
+def test_a_count_is_refused_where_packs_are_not_counted() -> None:
     wish = Intent("a-1", Action.COUNT, None, "page", base="west", charged=2)
     for context, asked, code in (
         (day_with(None), wish, IntentReason.PACKS_UNCOUNTED),

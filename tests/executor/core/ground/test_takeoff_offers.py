@@ -1,4 +1,4 @@
-"""Who has landed takes off again by the crew's word, and never by silence."""
+"""A landed vehicle takes off again only after the crew's confirmation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def starts(flight: Story, name: str) -> int:
     return flight.given(Start).count(Start(name))
 
 
-def test_nobody_takes_off_again_by_silence() -> None:
+def test_no_take_off_without_confirmation() -> None:
     flight = one_left(offer_s=120)
     lost_s = flight.now_s
     flight.finish()
@@ -40,7 +40,7 @@ def test_nobody_takes_off_again_by_silence() -> None:
     assert len(flight.state.coverage.inspected) < 6
 
 
-def test_the_offer_names_who_and_which_pads() -> None:
+def test_the_offer_names_vehicles_and_pads() -> None:
     flight = one_left()
     flight.run(lambda: flight.state.crew.offer is not None)
     line = flight.said(Level.FAULT)[-1]
@@ -48,7 +48,7 @@ def test_the_offer_names_who_and_which_pads() -> None:
     assert "Are their pads clear of people?" in line
 
 
-def test_who_is_included_takes_off_and_finishes() -> None:
+def test_an_included_vehicle_takes_off_and_finishes() -> None:
     flight = one_left()
     flight.run(lambda: flight.state.crew.offer is not None)
     asked = flight.ask(Action.INCLUDE, "uav3")
@@ -60,7 +60,7 @@ def test_who_is_included_takes_off_and_finishes() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_the_work_is_shared_by_those_who_are_cleared_within_a_moment() -> None:
+def test_vehicles_cleared_at_the_same_time_share_the_segments() -> None:
     flight = one_left()
     flight.run(lambda: flight.state.crew.offer is not None)
     flight.ask(Action.INCLUDE, "uav1", confirmed=True)
@@ -101,7 +101,7 @@ def test_a_spare_is_offered_too() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_lies_on_its_side_is_not_offered() -> None:
+def test_a_tipped_vehicle_is_not_offered() -> None:
     flight = one_left()
     flight.happen(Heard("uav1", Attitude(170.0, 0.0)))
     flight.pass_s(1.0)
@@ -109,7 +109,7 @@ def test_who_lies_on_its_side_is_not_offered() -> None:
     assert flight.state.crew.offer.vehicles == ("uav3",)
 
 
-def test_who_lies_on_its_side_is_given_nothing_where_nobody_is_asked() -> None:
+def test_a_tipped_vehicle_gets_nothing_where_take_offs_are_automatic() -> None:
     flight = one_left(fly_again="auto")
     flight.happen(Heard("uav1", Attitude(0.0, 90.0)))
     assert build_survivor(flight.context, flight.state, flight.vehicle("uav1"), flight.now_s) is None

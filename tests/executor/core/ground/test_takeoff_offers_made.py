@@ -1,4 +1,4 @@
-"""Who on the ground is offered to the crew, for what, and until when."""
+"""Which vehicles on the ground are offered, for which segments, and until when."""
 
 from __future__ import annotations
 

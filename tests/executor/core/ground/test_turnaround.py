@@ -1,4 +1,4 @@
-"""What is not on a vehicle as the flight had set it, when it is looked at between two sorties."""
+"""Parameters that differ from the flight's, in the checks between two sorties."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_else_it_stays_on_the_ground(event: Examined, rebooted_s: float | None) 
     assert answered(event, rebooted_s) == (False, (Say(Level.WARNING, REFUSED),))
 
 
-def test_who_is_not_ready_is_set_nothing() -> None:
+def test_no_parameter_is_set_on_a_vehicle_that_is_not_ready() -> None:
     waits, commands = answered(replace(SEEN, ready=False, reason="it is armed"), NOW_S - 15.0)
     assert not waits
     [line] = commands

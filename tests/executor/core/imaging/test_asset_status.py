@@ -37,7 +37,7 @@ def views(context: Context, state: FleetState) -> tuple[AssetView, ...]:
     return build_asset_views(context, state, list_asked_pictures(context))
 
 
-def test_each_has_its_state_its_pictures_and_who_flew_it() -> None:
+def test_each_asset_has_its_state_pictures_and_vehicle() -> None:
     assert views(SITE, FLOWN) == (
         AssetView(0, AssetState.SEEN, 10, 10, "uav1"),
         AssetView(1, AssetState.MISSED, 1, 10, "uav3"),

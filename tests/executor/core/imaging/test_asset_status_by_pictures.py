@@ -122,7 +122,7 @@ def test_a_pass_counts_from_where_the_vehicle_was_in_it(again: bool) -> None:
     assert state.coverage.inspected_at_m[2] == ASKED_M + above_m
 
 
-def test_who_flies_it_for_the_first_time_waits_for_its_pictures() -> None:
+def test_a_first_inspection_waits_for_its_pictures() -> None:
     context, vehicle = flying(low=True)
     state = FleetState(vehicles={"uav1": vehicle})
     state = record_flown_segments(context, state, "uav1", [(PYLON, None)], NOW_S)

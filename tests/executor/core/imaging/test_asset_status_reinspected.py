@@ -1,4 +1,4 @@
-"""Looking again at assets that somebody names: what is open then, and what is refused."""
+"""Re-inspection of named assets: which are opened, and which are refused."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def test_a_link_that_loses_much_is_no_silent_camera(camera: dict[str, object], l
 
 
 @pytest.mark.parametrize("pending", [None, 1])
-def test_who_is_being_given_a_mission_may_point_its_gimbal_by_that(pending: int | None) -> None:
+def test_during_an_upload_the_gimbal_may_follow_either_mission(pending: int | None) -> None:
     context, vehicle = at_a_pylon()
     level = GimbalAttitude(pitch_deg=40.0, yaw_deg=0.0, from_north=True, failed=False)
     vehicle = replace(vehicle, payload=replace(vehicle.payload, gimbal=level, gimbal_s=NOW_S))

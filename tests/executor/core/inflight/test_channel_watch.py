@@ -1,4 +1,4 @@
-"""Radios in flight, second by second: what is said of one, and how far the streams behind it are thinned."""
+"""Radios in flight, second by second: the reports, and how far streams are thinned."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_streams_are_never_raised_over_the_budget_before_the_flight() -> None:
     assert state.channels["uav1"].step == base + 1
 
 
-def test_nobody_is_asked_while_the_buffer_is_full() -> None:
+def test_no_request_while_the_buffer_is_full() -> None:
     told, state = fly([(30, 900.0, 10)])
     assert state.channels["uav1"].step == 1
     assert asked(told) == []

@@ -1,4 +1,4 @@
-"""Who would fly into somebody's climb waits for it: vehicles over a ridge, whose returns are above all layers."""
+"""A vehicle that would fly into another's climb waits: over a ridge, with RTL heights above all layers."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_without_it_they_would_meet() -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_who_would_fly_into_a_climb_is_slow_until_it_is_over(autopilot: str) -> None:
+def test_a_vehicle_that_would_fly_into_a_climb_is_slow_until_it_is_over(autopilot: str) -> None:
     flight = story(autopilot)
     returns(flight)
     assert nearest_m(flight, 60.0) >= SPACING_M
@@ -120,7 +120,7 @@ def test_an_order_that_is_lost_is_given_again() -> None:
     assert flight.said().count(STARTS) == flight.said().count(PASSES) == 1, "once"
 
 
-def test_whom_a_person_takes_meanwhile_is_told_nothing_more() -> None:
+def test_a_vehicle_taken_by_a_person_gets_no_more_commands() -> None:
     flight = story()
     returns(flight)
     flight.run(lambda: bool(speeds(flight)))
@@ -132,7 +132,7 @@ def test_whom_a_person_takes_meanwhile_is_told_nothing_more() -> None:
     assert flight.vehicle("uav3").orders.gives_way is None
 
 
-def test_who_is_held_meanwhile_goes_on_at_its_legs_speed() -> None:
+def test_a_vehicle_held_in_between_continues_at_the_speed_of_its_leg() -> None:
     flight = story()
     returns(flight)
     flight.run(lambda: bool(speeds(flight)))
@@ -146,7 +146,7 @@ def test_who_is_held_meanwhile_goes_on_at_its_legs_speed() -> None:
     assert len(speeds(flight)) == told
 
 
-def test_who_cannot_stop_in_time_goes_on() -> None:
+def test_a_vehicle_that_cannot_stop_in_time_flies_on() -> None:
     flight = story()
     flight.run(lambda: behind_m(flight) < 12.0)
     returns(flight)
@@ -154,7 +154,7 @@ def test_who_cannot_stop_in_time_goes_on() -> None:
     assert speeds(flight) == []
 
 
-def test_who_comes_down_is_no_climb() -> None:
+def test_a_descent_is_no_climb() -> None:
     flight = story()
     returns(flight)
     flight.crafts["uav1"].climbs_m_s = -1.0
@@ -162,7 +162,7 @@ def test_who_comes_down_is_no_climb() -> None:
     assert speeds(flight) == []
 
 
-def test_who_is_silent_is_waited_for_where_its_own_failsafe_would_climb() -> None:
+def test_a_vehicle_without_a_link_is_waited_for_if_its_failsafe_would_climb() -> None:
     ready = over_a_ridge()
     alone = replace(ready.context.vehicles["uav1"], failsafe_s=5.0, returns=True)
     flight = story(context=replace(ready.context, vehicles={**ready.context.vehicles, "uav1": alone}), east_m=20.0)
@@ -174,14 +174,14 @@ def test_who_is_silent_is_waited_for_where_its_own_failsafe_would_climb() -> Non
     assert flight.stage("uav3") is Stage.FLYING
 
 
-def test_who_has_no_return_of_its_own_is_not_waited_for_in_its_silence() -> None:
+def test_a_vehicle_without_a_failsafe_rtl_is_not_waited_for() -> None:
     flight = story()
     flight.crafts["uav1"].mute = True
     nearest_m(flight, 30.0)
     assert speeds(flight) == []
 
 
-def test_nobody_waits_for_ever() -> None:
+def test_no_vehicle_waits_for_ever() -> None:
     flight = story()
     returns(flight)
     flight.run(lambda: bool(speeds(flight)))
@@ -197,7 +197,7 @@ def test_nobody_waits_for_ever() -> None:
     waits_s=st.floats(0.0, 6.0),
     after_s=st.floats(0.0, 100.0),
 )
-def test_nobody_is_nearer_outside_of_the_time_that_is_said(
+def test_no_conflict_outside_the_stated_time(
     up_m: float, begins_m: float, rises_m_s: float, waits_s: float, after_s: float
 ) -> None:
     top_m = 100.0

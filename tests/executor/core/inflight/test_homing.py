@@ -1,4 +1,4 @@
-"""What is right for a vehicle that should come home."""
+"""The right command for a vehicle that should return."""
 
 from __future__ import annotations
 

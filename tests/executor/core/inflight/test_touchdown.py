@@ -1,4 +1,4 @@
-"""What is a landing and what is not, and whose hands a vehicle is in on its way down."""
+"""What counts as a landing, and which party controls a descending vehicle."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_motors_off_over_the_pad_is_no_landing() -> None:
 
 
 @pytest.mark.parametrize(("sinks_m_s", "end"), [(9.0, Stage.DOWN), (1.0, Stage.LANDED)])
-def test_who_fell_has_not_landed(sinks_m_s: float, end: Stage) -> None:
+def test_a_fall_is_no_landing(sinks_m_s: float, end: Stage) -> None:
     flight = returning()
     craft = flight.crafts["uav2"]
     craft.place_m, craft.up_m, craft.stuck = flight.context.vehicles["uav2"].pad_m, 12.0, True
@@ -91,7 +91,7 @@ def test_a_start_that_was_refused_before_it_armed_is_tried_again() -> None:
     assert flight.stage("uav2") is Stage.FLYING
 
 
-def test_who_hangs_over_its_pad_is_told_to_land() -> None:
+def test_a_vehicle_hovering_over_its_pad_is_commanded_to_land() -> None:
     flight = descending("ardupilot")
     flight.crafts["uav2"].stuck = True
     flight.ask(Action.RETURN, "uav2")
@@ -102,7 +102,7 @@ def test_who_hangs_over_its_pad_is_told_to_land() -> None:
     assert flight.stage("uav2") is Stage.LANDED
 
 
-def test_a_failsafes_return_that_somebody_stops_is_somebodys() -> None:
+def test_a_failsafe_rtl_stopped_by_a_person_is_that_persons() -> None:
     flight = under_way()
     hold, rtl, land = modes(flight)
     flight.happen(Heard("uav2", FENCE))
@@ -135,7 +135,7 @@ def test_a_silence_of_everything_is_not_called_a_missing_heartbeat(after_s: floa
     assert [line for line in flight.said() if "other messages come" in line] == []
 
 
-def test_who_was_never_in_the_air_has_not_landed() -> None:
+def test_a_vehicle_never_in_the_air_has_not_landed() -> None:
     flight = Story(FLEET.context, dict(FLEET.boards))
     flight.start_results = {"uav2": [StartEnded("uav2", False, "mission: denied", armed=True)] * 3}
     flight.launch()
@@ -146,7 +146,7 @@ def test_who_was_never_in_the_air_has_not_landed() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_stands_on_its_pad_after_a_restart_is_not_said_to_have_landed() -> None:
+def test_a_vehicle_on_its_pad_after_a_restart_is_not_reported_as_landed() -> None:
     flight = under_way()
     flight.ask(Action.EXCLUDE, "uav2")
     craft = flight.crafts["uav2"]
@@ -175,7 +175,7 @@ def test_a_battery_that_says_nothing_any_more_is_not_quoted(reports: bool, says:
     assert ("%" in line) is reports
 
 
-def test_who_was_not_heard_in_the_air_may_have_been_there() -> None:
+def test_a_vehicle_without_messages_may_have_been_in_the_air() -> None:
     flight = returning()
     craft = flight.crafts["uav2"]
     craft.place_m, craft.up_m, craft.armed = flight.context.vehicles["uav2"].pad_m, 0.0, False

@@ -1,4 +1,4 @@
-"""Who is taken to be down, and who flies after all."""
+"""Vehicles that count as down, and those that fly after all."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ DOWN = [
 
 
 @pytest.mark.parametrize(("not_yet", "down"), DOWN, ids=map(str, range(len(DOWN))))
-def test_who_has_stopped_on_its_way_home_is_down(not_yet: VehicleState, down: VehicleState) -> None:
+def test_a_vehicle_that_has_stopped_in_its_return_is_down(not_yet: VehicleState, down: VehicleState) -> None:
     assert describe_unexpected_landing(CONTEXT, not_yet, NOW_S) == ""
     assert describe_unexpected_landing(CONTEXT, down, NOW_S).startswith("does not move, down at ")
 
@@ -76,7 +76,7 @@ def test_who_has_stopped_on_its_way_home_is_down(not_yet: VehicleState, down: Ve
         (flying(anchor=None), False),
     ],
 )
-def test_who_was_found_down_and_flies(state: VehicleState, *, flies: bool) -> None:
+def test_a_vehicle_found_down_that_flies(state: VehicleState, *, flies: bool) -> None:
     still = replace(at(), velocity_m_s=(0.0, 0.0, 0.0))
     fix = state.motion.fix
     if fix is not None and fix.velocity_m_s == at().velocity_m_s:

@@ -19,7 +19,7 @@ GOOD = {
 
 
 @pytest.mark.parametrize("text", GOOD)
-def test_a_connection_string_says_who_calls_whom_over_what(text: str) -> None:
+def test_a_connection_string_gives_direction_and_transport(text: str) -> None:
     assert parse_connection(text) == GOOD[text]
     assert str(GOOD[text]) == text.replace("tcp://", "tcpout://")
 
@@ -94,7 +94,7 @@ def test_whether_others_can_send_to_it(text: str, *, others: bool) -> None:
         ("serial://h:9600", True),
     ],
 )
-def test_who_calls(text: str, *, calls: bool) -> None:
+def test_the_direction_of_a_connection(text: str, *, calls: bool) -> None:
     assert parse_connection(text).scheme.is_outgoing is calls
 
 

@@ -1,4 +1,4 @@
-"""What came of an order or a question, where nothing else is said."""
+"""Outcomes of orders and requests: the defaults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an operator may ask for in flight: what is ordered, what the vehicle answers, and what is refused and why."""
+"""Intents of an operator in flight: the orders, the vehicle's answers, and the refusals with their reasons."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_held_vehicle_is_given_nothing_and_keeps_its_segments() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_holds_while_a_re_plan_is_solved_is_planned_around() -> None:
+def test_a_vehicle_that_holds_during_a_re_plan_gets_no_new_segments() -> None:
     flight = under_way()
     flight.solve_s = 5.0
     flight.crafts["uav3"].mute = True
@@ -93,7 +93,7 @@ def test_a_failsafe_out_of_a_hold_is_a_fault_and_it_can_be_included_again() -> N
     assert flight.ask(Action.INCLUDE, "uav2", confirmed=True).outcome is Outcome.DONE
 
 
-def test_who_is_sent_on_by_somebody_else_does_not_hold_any_more() -> None:
+def test_a_hold_ends_when_another_party_resumes_the_mission() -> None:
     flight = under_way()
     ends(flight, flight.ask(Action.HOLD, "uav2"))
     flight.pass_s(10.0)
@@ -190,7 +190,7 @@ def test_a_spare_that_is_excluded_is_given_nothing() -> None:
     assert all(offer.vehicle != "uav4" for solve in flight.solves() for offer in solve.survivors)
 
 
-def test_who_has_not_armed_yet_does_not_take_off() -> None:
+def test_a_vehicle_that_has_not_armed_does_not_take_off() -> None:
     flight = story()
     assert flight.stage("uav2") is Stage.STARTING
     record = flight.ask(Action.EXCLUDE, "uav2")
@@ -224,7 +224,7 @@ def test_a_fresh_battery_brings_a_vehicle_back() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_nobody_lands_at_the_line() -> None:
+def test_no_vehicle_lands_at_the_line() -> None:
     flight = under_way()
     record = flight.ask(Action.LAND, "uav2")
     assert record.outcome is Outcome.REFUSED
@@ -265,7 +265,7 @@ def test_a_re_plan_of_nothing_is_refused() -> None:
     assert flight.ask(Action.REPLAN).text == "the flight is over"
 
 
-def test_everybody_returns() -> None:
+def test_every_vehicle_returns() -> None:
     flight = under_way()
     ends(flight, flight.ask(Action.HOLD, "uav1"))
     record = flight.ask(Action.ABORT)
@@ -306,7 +306,7 @@ def test_what_makes_no_sense_is_refused(action: Action, vehicle: str | None, why
     assert len(flight.commands) == before + 1
 
 
-def test_nobody_holds_below_its_layer() -> None:
+def test_no_vehicle_holds_below_its_layer() -> None:
     flight = story()
     assert flight.ask(Action.HOLD, "uav2").text == "it is not on its mission, it is starting"
     flight.run(lambda: flight.stage("uav2") is Stage.FLYING)
@@ -370,7 +370,7 @@ def test_the_view_says_what_is() -> None:
     assert again.replan.solving
 
 
-def test_the_report_keeps_the_faults_of_who_came_back() -> None:
+def test_the_report_keeps_the_faults_of_included_vehicles() -> None:
     flight = under_way()
     flight.ask(Action.EXCLUDE, "uav3")
     flight.run(lambda: flight.stage("uav3") is Stage.LANDED)

@@ -1,4 +1,4 @@
-"""Why a wish is refused: each reason on both sides of its limit, asked of the rule itself."""
+"""Refusals of intents: each reason on both sides of its limit."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def test_what_is_refused_and_why(action: Action, one: VehicleState, why: str) ->
         (Action.REPLAN, flying()),
     ],
 )
-def test_nobody_is_sent_out_again_once_everybody_was_sent_home(action: Action, one: VehicleState) -> None:
+def test_no_vehicle_takes_off_after_an_abort(action: Action, one: VehicleState) -> None:
     intent = Intent("wish", action, None if action is Action.REPLAN else "uav1", "page", False)
     assert words(state_of(one, recalled=True), intent) == "the flight was aborted"
 
@@ -199,7 +199,7 @@ def test_what_fits_no_time_is_refused() -> None:
     assert refused(Action.ABORT, flying()) == "abort is for the whole fleet; expected no vehicle"
 
 
-def test_an_abort_needs_somebody_who_flies_a_mission() -> None:
+def test_an_abort_needs_a_vehicle_on_its_mission() -> None:
     abort = Intent("wish", Action.ABORT, None, "page", False)
     for stage in Stage:
         flies = stage in {Stage.STARTING, Stage.FLYING}

@@ -1,4 +1,4 @@
-"""What is asked of a flight as a whole, and the refusals that depend on it."""
+"""Intents for the whole flight, and their refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was not read is a reason not to fly, and what nobody here knows is a warning: neither is ever an ok."""
+"""An unread value stops the flight, and an unknown one is a warning: neither is ever `ok`."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_a_pack_that_is_not_known_is_not_taken_for_the_planned_one() -> None:
     assert check.severity is Severity.STOP
 
 
-def test_a_camera_of_which_nobody_knows_is_a_reason_not_to_fly_where_pictures_are_asked_for() -> None:
+def test_an_unknown_camera_stops_a_flight_that_requires_pictures() -> None:
     capture = SimpleNamespace(trigger=Trigger.DISTANCE)
     asked = cast("FlightPath", SimpleNamespace(waypoints=[SimpleNamespace(captures=[capture])]))
     [check] = vehicle_checks.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
@@ -125,14 +125,14 @@ def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dia
         (said(PX4, COM_LOW_BAT_ACT=9.0), PX4),
     ],
 )
-def test_a_battery_failsafe_that_nobody_here_knows_is_a_warning(facts: VehicleFacts, dialect: Dialect) -> None:
+def test_an_unknown_battery_failsafe_is_a_warning(facts: VehicleFacts, dialect: Dialect) -> None:
     [check] = vehicle_checks.check_battery_failsafe_settings(facts, dialect, 40.0)
     assert check.severity is Severity.WARNING
     assert "unknown action" in check.text
 
 
 @pytest.mark.parametrize(("dialect", "name"), [(ARDUPILOT, "FS_GCS_ENABLE"), (PX4, "NAV_DLL_ACT")])
-def test_a_link_failsafe_that_nobody_here_knows_is_a_warning(dialect: Dialect, name: str) -> None:
+def test_an_unknown_link_failsafe_is_a_warning(dialect: Dialect, name: str) -> None:
     [check] = link_lines(said(dialect, **{name: 9.0}), dialect)
     assert (check.severity, "unknown action" in check.text) == (Severity.WARNING, True)
 
@@ -144,7 +144,7 @@ def test_a_link_failsafe_that_nobody_here_knows_is_a_warning(dialect: Dialect, n
         (said(PX4, GF_ACTION=9.0, GF_MAX_HOR_DIST=1e4), "at a breach of its geofence: unknown action (GF_ACTION=9)"),
     ],
 )
-def test_a_breach_of_which_nobody_here_knows_the_end_is_a_warning(facts: VehicleFacts, text: str) -> None:
+def test_an_unknown_fence_action_is_a_warning(facts: VehicleFacts, text: str) -> None:
     context = CONTEXT if "FENCE_ENABLE" in facts.parameters else PIXHAWKS
     assert (Severity.WARNING, text) in [
         (one.severity, one.text) for one in vehicle_checks.check_own_geofence(context, facts, None)
@@ -152,7 +152,7 @@ def test_a_breach_of_which_nobody_here_knows_the_end_is_a_warning(facts: Vehicle
 
 
 @pytest.mark.parametrize(("dialect", "name"), [(ARDUPILOT, "RTL_ALT_TYPE"), (PX4, "MPC_ALT_MODE")])
-def test_a_way_to_follow_the_ground_that_nobody_here_knows_is_a_warning(dialect: Dialect, name: str) -> None:
+def test_an_unknown_terrain_following_mode_is_a_warning(dialect: Dialect, name: str) -> None:
     [check] = vehicle_checks.check_terrain_following(said(dialect, **{name: 9.0}), dialect)
     assert (check.severity, check.text) == (
         Severity.WARNING,

@@ -139,7 +139,7 @@ def test_what_an_earlier_attempt_left_is_ours() -> None:
     assert found_on_board(SHIPS["ardupilot"].context, NOTHING) == []
 
 
-def test_what_cannot_be_read_stops_whom_a_fence_is_for() -> None:
+def test_an_unreadable_fence_stops_a_vehicle_that_needs_one() -> None:
     assert [one for one, _ in found_on_board(context_of(), NOTHING)] == [Severity.STOP, Severity.STOP]
     assert [one for one, _ in found_on_board(context_of(enabled=False), NOTHING)] == [Severity.WARNING] * 2
 

@@ -23,7 +23,7 @@ def test_what_is_inspected_from_a_layer_is_named_with_its_distance() -> None:
     )
 
 
-def test_who_would_cross_another_ones_part_of_the_line_stops_the_flight() -> None:
+def test_a_vehicle_that_would_cross_anothers_part_of_the_line_stops_the_flight() -> None:
     setup = plan_flight_setup(line_east(9), FLEET[:2], Inspection(same_distance=True))
     routes = {"uav1": (12,), "uav2": (4, 6)}
     paths = [build_flight_path(setup, "uav1", (12,)), build_flight_path(setup, "uav2", (4, 6), {2, 3})]
@@ -32,7 +32,7 @@ def test_who_would_cross_another_ones_part_of_the_line_stops_the_flight() -> Non
     assert "where uav2 goes down to the line, 5 m expected" in stops[0]
 
 
-def test_where_everybody_has_its_layer_nothing_is_said() -> None:
+def test_with_a_layer_each_nothing_is_reported() -> None:
     setup = plan_flight_setup(line_east(7), FLEET[:2], Inspection())
     paths = list(build_first_paths(setup, ROUTES).values())
     assert check_inspection_distances(setup, paths, ROUTES) == []

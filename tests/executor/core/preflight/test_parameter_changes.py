@@ -1,4 +1,4 @@
-"""What is on record of a change on board: the oldest value is given back, and only what was put there from here."""
+"""The record of a change on board: the oldest value is restored, and only faultline's own changes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def record(old: float, new: float, before: KeptParameter | None = None) -> KeptP
     return one
 
 
-def test_the_oldest_value_is_given_back() -> None:
+def test_the_oldest_value_is_restored() -> None:
     first = record(1500.0, 2700.0)
     second = record(2700.0, 3200.0, replace(first, stage=ChangeStage.SET))
     third = record(3200.0, 2700.0, second)
@@ -43,7 +43,7 @@ def test_what_was_planned_and_never_sent_is_no_older_value() -> None:
     assert record(1500.0, 3200.0, record(1500.0, 2700.0)).old == 1500.0
 
 
-def test_what_somebody_set_since_is_what_was_there() -> None:
+def test_a_value_set_since_then_counts_as_the_old_one() -> None:
     assert record(4000.0, 2700.0, record(1500.0, 3200.0)).old == 4000.0
     assert record(1500.0, 3200.0).classify(4000.0) == "other"
     given_back = replace(record(1500.0, 2700.0), stage=ChangeStage.RESTORED)
@@ -84,7 +84,7 @@ def test_the_whole_record_keeps_its_order() -> None:
     assert build_board_record([KEPT], before) == [cone, replace(KEPT, old=2500.0, earlier=(3000.0,))]
 
 
-def test_what_is_found_on_board_is_old_or_ours_or_somebody_elses() -> None:
+def test_a_value_on_board_is_old_or_ours_or_foreign() -> None:
     assert [KEPT.classify(value) for value in (3000.0, 1500.0, 1400.0)] == ["old", "ours", "other"]
 
 

@@ -1,4 +1,4 @@
-"""What is set for a flight, why, and how it is given back."""
+"""Parameters set for a flight, their reasons, and how they are restored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a flight changes on board, what is on record of it, and what may be taken back."""
+"""Changes on board, their record, and which may be restored."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_what_is_right_stays(slope: float) -> None:
     assert proposed(COPTERS, "uav1", RTL_ALT=100 * (height_m + 1.0)).changes, "it would climb out of its layer"
 
 
-def test_the_highest_may_return_higher_and_nobody_else() -> None:
+def test_only_the_highest_vehicle_may_return_higher() -> None:
     """Above it there is nobody; whoever is lower would climb through the layers of others."""
     height_m = COPTERS.return_height_m("uav3")
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + 20.0)).changes == ()
@@ -127,7 +127,7 @@ def test_a_vehicle_alone_keeps_what_its_crew_chose() -> None:
     assert low.why == "keeps its RTL above the line"
 
 
-def test_a_return_whose_height_is_not_known_is_a_reason_not_to_fly() -> None:
+def test_an_unknown_rtl_height_stops_the_flight() -> None:
     proposal = proposed(COPTERS, "uav1", RTL_CONE_SLOPE=3.0)
     assert proposal.changes == ()
     [check] = proposal.checks

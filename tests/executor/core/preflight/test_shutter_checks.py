@@ -1,4 +1,4 @@
-"""What the checklist says of pictures that an autopilot is asked for."""
+"""The checklist on pictures triggered by the autopilot."""
 
 from __future__ import annotations
 

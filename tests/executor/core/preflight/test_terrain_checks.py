@@ -1,4 +1,4 @@
-"""What the checklist says of ground that an autopilot follows by itself, and of pads beside the raster."""
+"""The checklist on terrain following by the autopilot, and on pads that differ from the raster."""
 
 from __future__ import annotations
 

@@ -212,7 +212,7 @@ def test_without_a_port_for_other_stations_nothing_is_said_of_them() -> None:
         (PORTS, True, False, Severity.WARNING, "who reaches tcpin://0.0.0.0:5760 can command all vehicles"),
     ],
 )
-def test_who_is_behind_our_ports_is_one_line(
+def test_stations_behind_our_ports_are_one_line(
     ports: list[Connection], allow: bool, signed: bool, severity: Severity, words: str
 ) -> None:
     heard = replace(said(PX4), stations=(StationHeard(255, 190, behind=True), StationHeard(250, 1, behind=True)))
@@ -333,7 +333,7 @@ def test_pre_arm_checks_in_words() -> None:
         ("udpin://127.0.0.1:14550", False), ("udpin://localhost:14550", False), ("serial:///dev/ttyUSB0:57600", False),
     ],
 )  # fmt: skip
-def test_who_may_talk_is_said(connection: str, warned: bool) -> None:
+def test_possible_senders_are_reported(connection: str, warned: bool) -> None:
     links = {"uav1": [parse_connection(connection)], "uav2": [parse_connection("udpin://127.0.0.1:14551")]}
     check = checks.check_signing(links, signed=False)
     assert check.severity is (Severity.WARNING if warned else Severity.OK)

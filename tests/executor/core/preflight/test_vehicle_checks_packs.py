@@ -106,7 +106,7 @@ def test_a_worn_pack_is_told_with_what_is_reckoned_with_for_it() -> None:
     assert of_history(WORN, 55.0, 45.0, 30.0) == [(Severity.WARNING, text)]
 
 
-def test_a_pack_that_is_as_it_should_be_or_that_nobody_knows_is_told_without_a_warning() -> None:
+def test_a_good_or_unknown_pack_is_listed_without_a_warning() -> None:
     sound = build_pack_history("B1", [PackFlightRecord(4.9, None, 5.0)])
     assert of_history(sound, 75.0, 15.0, 0.0) == [
         (Severity.OK, "its pack B1 has 4.9 Ah, 98 % of the plan's 5 Ah, by 1 flight")

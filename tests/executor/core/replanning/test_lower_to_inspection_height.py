@@ -1,4 +1,4 @@
-"""Coming down on the way: as soon as nobody else may be there, and never before."""
+"""Descending to inspection height in flight: as soon as no other vehicle can be there, and never before."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def down(state: FleetState) -> FleetState:
 
 
 @pytest.mark.parametrize("rises", [False, True])
-def test_who_shared_a_pylon_comes_down_once_the_other_has_left(rises: bool) -> None:
+def test_a_vehicle_at_a_shared_pylon_descends_once_the_other_has_left(rises: bool) -> None:
     chosen = CONTEXTS[rises]
     state = sharing(chosen)
     before = state.vehicles["uav2"].assignment.board
@@ -119,7 +119,7 @@ def test_it_stays_in_its_layer_where_that_is_better(why: str) -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=20, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 2**32 - 1), rises=st.booleans())
-def test_whoever_comes_down_on_the_way_meets_nobody(seed: int, rises: bool) -> None:
+def test_a_descent_in_flight_meets_no_vehicle(seed: int, rises: bool) -> None:
     chosen, rng = CONTEXTS[rises], random.Random(seed)
     state = in_flight(chosen, rng)
     for number in range(12):

@@ -1,4 +1,4 @@
-"""Once more at the asked distance: by whom, when, and never before others have left or instead of what is open."""
+"""Re-inspection at the requested distance: which vehicle, when, after others have left and after open segments."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def said(commands: tuple[Command, ...]) -> list[str]:
 
 @pytest.mark.parametrize("rises", [False, True])
 @pytest.mark.parametrize("who", ["uav1", "uav2", "uav3"])
-def test_who_is_on_its_way_home_flies_again_what_counts_from_a_layer(who: str, rises: bool) -> None:
+def test_a_returning_vehicle_re_inspects_segments_inspected_from_a_layer(who: str, rises: bool) -> None:
     chosen = CONTEXTS[rises]
     state = going_home(chosen, who)
     before = state.vehicles[who].assignment.board
@@ -209,7 +209,7 @@ def all_landed(chosen: Context) -> FleetState:
     return replace(state, coverage=coverage)
 
 
-def test_where_nobody_is_asked_one_takes_off_for_it_once_everybody_is_down() -> None:
+def test_with_automatic_take_offs_one_takes_off_for_it_once_all_have_landed() -> None:
     chosen = replace(CONTEXTS[False], fly_again=RelaunchPolicy.AUTO)
     state = all_landed(chosen)
     state, commands = fleet_step.step(chosen, state, Tick(), NOW_S)
@@ -227,7 +227,7 @@ def test_where_nobody_is_asked_one_takes_off_for_it_once_everybody_is_down() -> 
     assert uploads(commands) == []
 
 
-def test_nobody_takes_off_for_it_while_others_fly() -> None:
+def test_no_vehicle_takes_off_for_it_while_others_fly() -> None:
     chosen = replace(CONTEXTS[False], fly_again=RelaunchPolicy.AUTO)
     state = going_home(chosen)
     flies = with_facts(state.vehicles["uav2"], battery=pack(18.0, 18.0))  # it has not enough left itself
@@ -264,7 +264,7 @@ def test_without_a_yes_the_flight_ends_and_everything_goes_on_counting() -> None
 
 
 @pytest.mark.parametrize("fly_again", [RelaunchPolicy.NEVER, RelaunchPolicy.ASK])
-def test_nobody_is_asked_where_nobody_could(fly_again: RelaunchPolicy) -> None:
+def test_no_offer_without_a_capable_vehicle(fly_again: RelaunchPolicy) -> None:
     chosen = replace(CONTEXTS[False], fly_again=fly_again)
     state = all_landed(chosen)
     if fly_again is RelaunchPolicy.ASK:
@@ -291,7 +291,7 @@ def ticked(chosen: Context, state: FleetState, from_s: float, until_s: float) ->
 
 
 @pytest.mark.parametrize("rises", [False, True])
-def test_who_flies_again_meets_nobody(rises: bool) -> None:
+def test_a_re_inspection_meets_no_vehicle(rises: bool) -> None:
     """Held over random fleets in the midst of random missions, of which some do fly again."""
     chosen, given_again = CONTEXTS[rises], 0
     for seed in range(12):

@@ -1,4 +1,4 @@
-"""Re-plans: when they begin, what makes them stale, and what becomes of those who cannot take part."""
+"""Re-plans: when they begin, when they are stale, and vehicles that cannot take part."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_an_upload_is_begun_again_while_its_vehicle_flies_its_mission(mixed: boo
     assert replan_cycle.may_retry_upload(flight.context, excluded, mixed=False) is False
 
 
-def test_what_another_flies_already_is_taken_from_who_carries_it_too() -> None:
+def test_a_segment_under_way_is_removed_from_another_vehicles_mission() -> None:
     flight = under_way()
     under_way_now = flight.vehicle("uav2").remaining_visits()[0]
     both = with_facts(flight.vehicle("uav1"), board=flight.vehicle("uav2").assignment.board, waypoint=0)
@@ -231,7 +231,7 @@ def test_a_segment_that_was_flown_too_fast_last_of_all_is_flown_again() -> None:
     assert not any("left for later" in line for line in flight.said())
 
 
-def test_a_segment_that_nobody_can_prove_is_left_in_the_end() -> None:
+def test_a_segment_that_cannot_be_proven_is_left_at_the_end() -> None:
     flight = story()
     for craft in flight.crafts.values():
         craft.speed = 2.0
@@ -256,7 +256,7 @@ def test_a_late_answer_to_an_unproven_segment_keeps_its_reason() -> None:
     assert flight.state.replanning.records[0].begun_s == needed_s
 
 
-def test_the_operator_sends_everybody_home_while_it_is_solved() -> None:
+def test_the_operator_aborts_during_a_solve() -> None:
     flight = under_way()
     flight.solve_s = 5.0
     flight.crafts["uav2"].mute = True
@@ -301,7 +301,7 @@ def test_a_large_fleets_missions_are_made_in_turns(monkeypatch: pytest.MonkeyPat
     assert len(flight.state.replanning.records) == 1
 
 
-def test_who_is_lost_before_its_turn_is_planned_around(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_vehicle_lost_before_its_upload_is_left_out_of_the_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = composing(monkeypatch)
     assert flight.state.replanning.replan is not None
     last = flight.state.replanning.replan.unmade[-1].vehicle
@@ -312,7 +312,7 @@ def test_who_is_lost_before_its_turn_is_planned_around(monkeypatch: pytest.Monke
     assert set(flight.state.coverage.inspected) == set(range(8))
 
 
-def test_who_flew_on_before_its_turn_keeps_its_mission(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_vehicle_that_flew_on_before_its_upload_keeps_its_mission(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = composing(monkeypatch)
     plan = flight.state.replanning.replan
     assert plan is not None

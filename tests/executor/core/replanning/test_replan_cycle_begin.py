@@ -1,4 +1,4 @@
-"""When a re-plan begins, and for whom."""
+"""When a re-plan begins, and for which vehicles."""
 
 from __future__ import annotations
 

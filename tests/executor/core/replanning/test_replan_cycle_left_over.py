@@ -1,4 +1,4 @@
-"""What the first plan left out: the next sortie's, taken up only beside other work, and by who has budget to spare."""
+"""Segments left over by the first plan: taken over only together with others, by vehicles with spare budget."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def lost(answer: object = takes_up, ready: object = READY) -> Story:
     return flight
 
 
-def test_it_is_known_from_the_take_off_and_nobody_re_plans_for_it() -> None:
+def test_it_is_known_from_the_take_off_and_starts_no_re_plan() -> None:
     flight = story(READY)
     assert flight.state.coverage.left_over == LEFT
     assert flight.state.coverage.given_up == set()
@@ -100,7 +100,7 @@ def test_an_operator_may_ask_for_it() -> None:
     assert set(problem.left_over) == LEFT
 
 
-def test_who_is_back_with_another_battery_takes_it_up_by_the_crews_word() -> None:
+def test_a_vehicle_with_a_new_battery_takes_it_over_after_confirmation() -> None:
     flight = story(ASKED)
     flight.run(lambda: flight.state.crew.offer is not None)
     assert flight.solves() == []
@@ -116,7 +116,7 @@ def test_who_is_back_with_another_battery_takes_it_up_by_the_crews_word() -> Non
     assert flight.given(Start).count(Start("uav1")) == 2
 
 
-def test_a_crew_is_not_asked_for_who_has_used_its_budget_up() -> None:
+def test_no_offer_for_a_vehicle_that_has_used_its_budget() -> None:
     """Its battery has much left, but a route may not use it."""
     setups = {name: replace(setup, budget_pct=8.0) for name, setup in ASKED.context.vehicles.items()}
     flight = story(replace(ASKED, context=replace(ASKED.context, vehicles=setups)))
@@ -125,7 +125,7 @@ def test_a_crew_is_not_asked_for_who_has_used_its_budget_up() -> None:
     assert all(craft.battery_pct > 80.0 for craft in flight.crafts.values())
 
 
-def test_who_lands_without_budget_to_spare_begins_no_re_plan() -> None:
+def test_a_landing_without_spare_budget_starts_no_re_plan() -> None:
     """Segment 3 is given up in the re-plan after the loss; nobody who lands then could fly it."""
     setups = {name: replace(setup, budget_pct=6.0) for name, setup in READY.context.vehicles.items()}
     flight = lost(leave_out(3), replace(READY, context=replace(READY.context, vehicles=setups)))
@@ -148,7 +148,7 @@ def test_a_log_holds_what_a_re_plan_gained(tmp_path: Path) -> None:
     assert state.replanning.records[0].gain == TAKES_UP
 
 
-def test_whose_budget_does_not_last_is_named() -> None:
+def test_a_vehicle_with_too_little_budget_is_named() -> None:
     flight = lost(lambda problem: replace(share_out(problem), gain=replace(TAKES_UP, short=("uav3", "uav1"))))
     flight.run(lambda: bool(flight.state.replanning.records))
     assert "uav1, uav3: not enough battery for their whole missions" in flight.said(Level.WARNING)

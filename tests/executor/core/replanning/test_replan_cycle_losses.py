@@ -1,4 +1,4 @@
-"""What the loss of a vehicle would mean: the problem that is asked, when, and of whom."""
+"""The preview of a loss: the problem, its time and its vehicle."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_the_question_is_the_re_plan_that_would_follow() -> None:
     assert set(real.open_segments) <= set(problem.open_segments)
 
 
-def test_who_holds_is_taken_to_go_on() -> None:
+def test_a_vehicle_on_hold_is_assumed_to_continue() -> None:
     flight = under_way()
     flight.ask(Action.HOLD, "uav3")
     problem = replan_cycle.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s)
@@ -44,7 +44,7 @@ def test_who_holds_is_taken_to_go_on() -> None:
     assert {offer.vehicle for offer in problem.survivors} == {"uav1", "uav3"}
 
 
-def test_without_anybody_else_everything_is_left_over() -> None:
+def test_without_another_vehicle_everything_is_left_over() -> None:
     flight = under_way()
     for name in ("uav1", "uav3"):
         flight.crafts[name].mute = True
@@ -53,7 +53,7 @@ def test_without_anybody_else_everything_is_left_over() -> None:
     assert replan_cycle.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s) == (2, 3)
 
 
-def test_while_the_plan_changes_nobody_is_asked() -> None:
+def test_while_the_plan_changes_no_preview_is_requested() -> None:
     flight = under_way()
     before = replan_cycle.build_judgement_key(flight.state)
     flight.crafts["uav2"].mute = True

@@ -1,4 +1,4 @@
-"""Whose loss is judged, and what it would ask for."""
+"""The vehicle with the previewed loss, and the segments to re-plan."""
 
 from __future__ import annotations
 

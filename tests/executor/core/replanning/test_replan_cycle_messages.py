@@ -47,14 +47,14 @@ def test_a_re_plan_says_what_it_gains(gain: Gain | None, names: list[str], words
     assert told == f"re-plan 2 found in 0.31 s{'; ' if gain is None else ': '}{words}"
 
 
-def test_one_whose_budget_does_not_last_is_named() -> None:
+def test_a_vehicle_with_too_small_a_budget_is_named() -> None:
     assert (
         announce_short_budgets(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",))).text
         == "uav2: not enough battery for its whole mission"
     )
 
 
-def test_only_what_somebody_flew_past_is_not_proven() -> None:
+def test_only_flown_segments_can_be_not_proven() -> None:
     """uav1 has passed its first segment; uav2 never started."""
     flight = story()
     flight.run(lambda: flight.inspecting("uav1", 1))

@@ -1,4 +1,4 @@
-"""Re-plans where everybody inspects at the asked distance: nobody's new mission meets what anybody may still fly."""
+"""Re-plans at the requested distance: no new mission conflicts with the path that any vehicle may still fly."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def nobody_meets(chosen: Context, state: FleetState, new: dict[str, FlightPath])
 
 @settings(derandomize=True, deadline=None, max_examples=20, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 2**32 - 1), rises=st.booleans())
-def test_whatever_is_dealt_out_after_a_loss_nobody_meets(seed: int, rises: bool) -> None:
+def test_after_any_re_plan_no_two_vehicles_meet(seed: int, rises: bool) -> None:
     chosen, rng = CONTEXTS[rises], random.Random(seed)
     state = in_flight(chosen, rng)
     flies = [name for name, vehicle in state.vehicles.items() if vehicle.stage is Stage.FLYING]
@@ -240,7 +240,7 @@ def flying_by(chosen: Context, routes: Mapping[str, tuple[int, ...]], waypoints:
 
 
 @pytest.mark.parametrize("rises", [False, True])
-def test_where_one_climbs_from_the_line_on_its_way_home_nobody_is_sent_below(rises: bool) -> None:
+def test_no_vehicle_is_sent_below_a_vehicle_that_climbs_from_the_line(rises: bool) -> None:
     """Its climb is under way, and not replaced by its new mission: that climbs there too."""
     chosen = CONTEXTS[rises]
     routes = {"uav1": (2,), "uav2": (10,), "uav4": (8 * SPANS - 2,)}
@@ -258,7 +258,7 @@ def test_where_one_climbs_from_the_line_on_its_way_home_nobody_is_sent_below(ris
     nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
 
 
-def test_who_turns_back_on_its_way_home_is_led_around_where_another_is_on_the_line() -> None:
+def test_a_vehicle_recalled_from_its_return_is_routed_around_another_on_the_line() -> None:
     """No leg of its new mission comes near, nor does its way home; but straight from that to the next it would.
 
     It comes home from one line and is sent to another; between the two one above it inspects a third. Returns are
@@ -289,7 +289,7 @@ def test_who_turns_back_on_its_way_home_is_led_around_where_another_is_on_the_li
     assert chosen.setup.frame.to_local_m(back.lat_deg, back.lon_deg) == pytest.approx(fix.place_m, abs=1e-3)
 
 
-def test_of_who_turned_back_it_is_known_on_which_way_it_comes_to_its_new_mission() -> None:
+def test_the_path_of_a_recalled_vehicle_to_its_new_mission_is_known() -> None:
     """The leg of its mission begins where the last one ended, where it has not been again."""
     chosen = CONTEXTS[False]
     state = flying_by(chosen, {"uav1": (2,), "uav2": (10,)}, {"uav1": 1, "uav2": 1})
@@ -311,9 +311,7 @@ def test_of_who_turned_back_it_is_known_on_which_way_it_comes_to_its_new_mission
 
 
 @pytest.mark.parametrize(("mode", "leaves"), [(RTL, False), (AUTO, True)])
-def test_who_was_told_to_return_and_says_it_flies_its_mission_is_not_taken_to_have_left_the_line(
-    mode: int, leaves: bool
-) -> None:
+def test_a_vehicle_ordered_to_return_but_still_on_its_mission_has_not_left_the_line(mode: int, leaves: bool) -> None:
     """The order may have been lost: in its layer, between two parts of the line, it would go down to the next."""
     chosen = CONTEXTS[False]
     state = flying_by(chosen, {"uav1": (2,), "uav4": (26,), "uav2": (10,)}, {"uav1": 1, "uav2": 1})
@@ -349,7 +347,7 @@ def reach_of(chosen: Context, state: FleetState, name: str) -> float:
     return min(float(wall_m.min()) for wall_m in walls_m if len(wall_m))
 
 
-def test_what_was_sent_to_who_takes_no_part_any_more_stays_closed() -> None:
+def test_the_airspace_of_a_mission_sent_to_a_withdrawn_vehicle_stays_closed() -> None:
     """Its upload may have ended well before it was lost, or before its pilot took it."""
     chosen = CONTEXTS[False]
     state, _, far_m = given_a_low_part(chosen)
@@ -383,7 +381,7 @@ def test_nothing_is_given_away_while_the_lost_one_may_be_on_the_line() -> None:
     assert [one for one in replan_cycle.begin_replan(chosen, later, NOW_S)[1] if isinstance(one, Solve)]
 
 
-def test_who_does_not_return_in_silence_inspects_in_its_layer() -> None:
+def test_a_vehicle_without_a_gcs_failsafe_inspects_in_its_layer() -> None:
     chosen = CONTEXTS[False]
     vehicles = {**chosen.vehicles, "uav3": replace(chosen.vehicles["uav3"], returns=False)}
     routes = {name: tuple(2 * SPANS * way + 2 * span for span in range(SPANS)) for way, name in enumerate(NAMES)}
@@ -418,7 +416,7 @@ def test_a_return_is_waited_for_until_it_is_seen_in_its_layer() -> None:
         ({}, 0.0, -5.0, False),
     ],
 )
-def test_who_is_seen_on_its_way_home_closes_that_alone(
+def test_an_observed_return_closes_only_its_own_path(
     facts: dict[str, Any], ago_s: float, up_m: float, *, straight: bool
 ) -> None:
     """Its mission is over; who is not seen, or was taken by its pilot, may still fly all that is left of it."""
@@ -450,7 +448,7 @@ def test_who_is_seen_on_its_way_home_closes_that_alone(
 
 
 @pytest.mark.parametrize("stage", [Stage.LOST, Stage.RETURNING])
-def test_layers_alone_are_waited_for_by_nobody(stage: Stage) -> None:
+def test_no_vehicle_waits_for_layers_only(stage: Stage) -> None:
     chosen = CONTEXTS[False]
     inspection = replace(chosen.setup.inspection, same_distance=False)
     usual = replace(chosen, setup=replace(chosen.setup, inspection=inspection))
@@ -460,7 +458,7 @@ def test_layers_alone_are_waited_for_by_nobody(stage: Stage) -> None:
 
 
 @pytest.mark.parametrize("returns", [True, False])
-def test_who_is_lost_is_down_when_it_must_have_landed(returns: bool) -> None:
+def test_a_lost_vehicle_counts_as_down_when_it_must_have_landed(returns: bool) -> None:
     chosen = CONTEXTS[False]
     state, name = with_somebody_low(chosen)
     setups = {**chosen.vehicles, name: replace(chosen.vehicles[name], returns=returns)}

@@ -63,7 +63,7 @@ STABILIZE = 0
 IN_HAND = replace(STANDS, telemetry=replace(STANDS.telemetry, heartbeat=beat(STABILIZE, armed=False)))
 
 
-def test_whose_mode_somebody_set_since_it_landed_takes_off_by_the_crews_word_alone() -> None:
+def test_a_vehicle_with_a_foreign_mode_since_landing_takes_off_only_by_confirmation() -> None:
     assert offered(IN_HAND) is None
     assert not survivors.may_take_off(CONTEXT, IN_HAND, NOW_S)
     said = with_facts(IN_HAND, cleared_s=NOW_S - 1.0)

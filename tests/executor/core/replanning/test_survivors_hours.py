@@ -60,7 +60,7 @@ def test_before_the_launch_the_hours_count_from_now() -> None:
     assert find_remaining_hours(until((0.0, 400.0)), waiting, "uav1", NOW_S) == (400.0, None)
 
 
-def test_who_has_time_offers_what_its_battery_has() -> None:
+def test_a_vehicle_with_time_offers_its_whole_battery() -> None:
     for context in (FLEET.context, until((0.0, 1e5))):
         by_battery, in_hours = offered(context)
         assert in_hours == by_battery
@@ -79,14 +79,14 @@ def test_near_the_end_of_its_hours_it_offers_what_is_flown_in_them() -> None:
     assert replace(in_hours, budget_pct=by_battery.budget_pct) == by_battery
 
 
-def test_who_would_be_late_with_what_it_carries_keeps_what_it_has_the_time_for() -> None:
+def test_a_vehicle_short_of_time_keeps_the_segments_that_fit() -> None:
     by_battery, in_hours = offered(until((0.0, FLOWN_S + HOME_S - 1.0)))
     assert in_hours.most_pct == in_hours.budget_pct < by_battery.budget_pct
     _, too_late = offered(until((0.0, FLOWN_S - 1.0)))
     assert (too_late.budget_pct, too_late.most_pct) == (0.0, 0.0)
 
 
-def test_who_was_sent_up_for_hours_that_are_about_to_begin_has_them() -> None:
+def test_a_vehicle_sent_up_just_before_its_hours_may_use_them() -> None:
     begins_s = FLOWN_S + CLEARED_S
     by_battery, in_hours = offered(until((begins_s, 1e5)))
     assert in_hours == by_battery

@@ -1,4 +1,4 @@
-"""What one vehicle alone flies in re-plans: theirs as long as they may fly it, anybody's once they are lost."""
+"""Locks in re-plans: they hold while their vehicle may fly, and are lifted once it is lost."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def test_it_is_anybodys_once_that_one_is_gone(uav2: dict[str, Any]) -> None:
     assert barred(**uav2) == {4}
 
 
-def test_who_does_not_fly_again_keeps_nothing_for_itself() -> None:
+def test_a_vehicle_that_does_not_fly_again_keeps_no_segments() -> None:
     never = replace(CONTEXT, fly_again=RelaunchPolicy.NEVER)
     assert barred(never, stage=Stage.LANDED) == {4}
     assert barred(never, stage=Stage.GROUND) == {2, 3, 4}
 
 
-def test_nobody_is_barred_from_its_own_nor_from_what_it_carries_already() -> None:
+def test_no_vehicle_is_barred_from_its_own_segments_or_those_on_board() -> None:
     fleet = flight_of(flying(), SECOND)
     assert survivors.find_barred_segments(CONTEXT, fleet, fleet.vehicles["uav2"]) == {4}
     carries = with_facts(flying(), board=FLEET.boards["uav3"])  # as after uav3 was lost for a while
@@ -71,7 +71,7 @@ def test_nobody_is_barred_from_its_own_nor_from_what_it_carries_already() -> Non
     assert replan_cycle.find_orphan_segments(CONTEXT, flight_of(carries, SECOND)) == {0, 1}
 
 
-def test_without_locks_nobody_is_barred() -> None:
+def test_without_locks_no_vehicle_is_barred() -> None:
     fleet = flight_of(flying(), SECOND)
     assert all(not survivors.find_barred_segments(FLEET.context, fleet, one) for one in fleet.vehicles.values())
 
@@ -102,7 +102,7 @@ def solved(problem: Solve, pricing: Pricing) -> dict[str, tuple[int, ...]]:
     return {route.vehicle: route.visits for route in answer.routes}
 
 
-def test_the_solver_gives_nobody_what_is_locked_and_keeps_directions() -> None:
+def test_the_solver_respects_locks_and_directions() -> None:
     flight = under_way(READY)
     for turned in (False, True):
         context = with_locks(FLEET.context, directions={1: turned, 3: turned})

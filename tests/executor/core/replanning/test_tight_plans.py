@@ -1,4 +1,4 @@
-"""Plans that leave segments out, flown: without a loss nobody re-plans, with one nobody loses what it carries."""
+"""Plans that leave segments over, flown: no re-plan without a loss, and none takes segments off a mission."""
 
 from __future__ import annotations
 

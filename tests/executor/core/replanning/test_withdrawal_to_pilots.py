@@ -66,9 +66,7 @@ def test_a_vehicle_that_its_pilot_has_is_never_commanded(autopilot: str) -> None
         ((OrderSeen(176, 5, 254),), "uav2: another ground station has ordered it to LOITER; not commanded from here"),
     ],
 )  # fmt: skip
-def test_who_has_taken_it_is_said_where_anything_says_so(
-    evidence: tuple[RcChannels | OrderSeen, ...], words: str
-) -> None:
+def test_the_party_in_control_is_named_if_known(evidence: tuple[RcChannels | OrderSeen, ...], words: str) -> None:
     flight = under_way()
     for message in evidence:
         flight.happen(Heard("uav2", message))
@@ -165,7 +163,7 @@ def test_switching_back_and_forth_is_answered_by_nothing() -> None:
     assert told(flight, "uav2", at_s) == []
 
 
-def test_who_is_put_back_on_its_mission_and_included_finishes_it() -> None:
+def test_a_vehicle_back_on_its_mission_and_included_finishes_it() -> None:
     flight, at_s = taken()
     assert flight.ask(Action.INCLUDE, "uav2").text == "it is with its pilot: the pilot must set mission mode first"
     flight.crafts["uav2"].mode = mission(flight)
@@ -190,7 +188,7 @@ def test_a_site_may_take_it_back_without_asking() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_after_an_abort_nobody_is_taken_back_from_its_pilot() -> None:
+def test_after_an_abort_no_vehicle_is_taken_from_its_pilot() -> None:
     flight = under_way(fleet_of(flight={"pilot_return": "auto"}))
     flight.crafts["uav2"].mode = LOITER["ardupilot"]
     at_s = flight.now_s
@@ -206,7 +204,7 @@ def test_after_an_abort_nobody_is_taken_back_from_its_pilot() -> None:
 
 
 @pytest.mark.parametrize("action", [Action.RETURN, Action.HOLD])
-def test_whoever_wants_something_of_it_is_asked_twice(action: Action) -> None:
+def test_an_intent_for_a_vehicle_with_its_pilot_is_confirmed_twice(action: Action) -> None:
     flight, at_s = taken()
     first = flight.ask(action, "uav2")
     assert first.outcome is Outcome.REFUSED
@@ -217,7 +215,7 @@ def test_whoever_wants_something_of_it_is_asked_twice(action: Action) -> None:
     assert [type(command) for command in told(flight, "uav2", at_s)] == [SendHome if action is Action.RETURN else Hold]
 
 
-def test_a_confirmed_order_that_got_lost_is_not_repeated_to_a_pilot_who_takes_it_again() -> None:
+def test_a_lost_confirmed_order_is_not_repeated_after_a_new_takeover() -> None:
     flight, _ = taken()
     lost = ReturnEnded("uav2", accepted=False, reason="change of mode: no acknowledgement", lost=True)
     flight.return_results["uav2"] = [lost]
@@ -291,7 +289,7 @@ def test_a_return_home_that_its_pilot_takes_over_is_not_repeated() -> None:
     assert told(flight, "uav2", at_s) == []
 
 
-def test_everybody_home_leaves_the_pilots_vehicle_to_him() -> None:
+def test_an_abort_leaves_the_pilots_vehicle_to_the_pilot() -> None:
     flight, at_s = taken()
     flight.happen(ReturnAllOrdered())
     assert told(flight, "uav2", at_s) == []
@@ -299,7 +297,7 @@ def test_everybody_home_leaves_the_pilots_vehicle_to_him() -> None:
     assert sorted(flight.sent_home()) == ["uav1", "uav3"]
 
 
-def test_who_stands_on_its_pad_after_a_restart_was_not_landed_by_its_pilot() -> None:
+def test_a_vehicle_on_its_pad_after_a_restart_was_not_landed_by_its_pilot() -> None:
     flight, _ = taken()
     craft = flight.crafts["uav2"]
     craft.mute = True
@@ -315,7 +313,7 @@ def test_who_stands_on_its_pad_after_a_restart_was_not_landed_by_its_pilot() -> 
     assert text in flight.said(Level.INFO)
 
 
-def test_who_is_taken_and_then_lost_and_heard_again_is_still_his() -> None:
+def test_a_vehicle_stays_with_its_pilot_after_a_link_gap() -> None:
     flight, at_s = taken()
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.stage("uav2") is Stage.LOST)
@@ -325,7 +323,7 @@ def test_who_is_taken_and_then_lost_and_heard_again_is_still_his() -> None:
     assert told(flight, "uav2", at_s) == []
 
 
-def test_a_vehicle_that_somebody_arms_after_its_landing_is_announced() -> None:
+def test_a_foreign_arming_after_the_landing_is_announced() -> None:
     flight = under_way(fleet_of({"uav1": (0,), "uav2": (2, 4, 6, 8, 10)}, flight={"fly_again": "never"}))
     flight.run(lambda: flight.stage("uav1") is Stage.LANDED)
     flight.crafts["uav1"].armed, flight.crafts["uav1"].mode = True, 0
@@ -336,7 +334,7 @@ def test_a_vehicle_that_somebody_arms_after_its_landing_is_announced() -> None:
     assert told(flight, "uav1", at_s) == []
 
 
-def test_a_pilot_who_takes_it_in_the_take_off_stops_the_start() -> None:
+def test_a_takeover_during_take_off_cancels_the_start() -> None:
     flight = Story(fleet_of().context, dict(fleet_of().boards))
     flight.start_s["uav2"] = 30.0
     flight.launch()

@@ -1,4 +1,4 @@
-"""A flight that is taken up again."""
+"""A resumed flight."""
 
 from __future__ import annotations
 

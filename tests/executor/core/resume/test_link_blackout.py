@@ -1,4 +1,4 @@
-"""Nobody is heard: the ground's own radio ends no flight, and who is heard again is taken up where it is."""
+"""All links lost: a dead ground radio ends no flight, and regained vehicles continue from where they are."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_radio_that_was_gone_costs_nothing(long_s: float) -> None:
     assert flight.given(Finish) == [Finish("all segments inspected")]
 
 
-def test_an_abort_that_nobody_may_hear_says_so() -> None:
+def test_an_abort_without_links_is_reported() -> None:
     flight = under_way()
     silenced(flight)
     flight.run(lambda: flight.state.listening.silent_since_s is not None)
@@ -59,7 +59,7 @@ def test_what_was_flown_unseen_is_marked_as_inferred() -> None:
     assert any("during the outage, inferred from its clock" in line for line in flight.said(Level.INFO))
 
 
-def test_who_came_home_by_its_own_failsafe_meanwhile_is_well() -> None:
+def test_a_vehicle_that_returned_by_its_failsafe_is_not_at_fault() -> None:
     flight = under_way()
     silenced(flight)
     for craft in flight.crafts.values():
@@ -87,7 +87,7 @@ def test_an_upload_that_falls_into_the_silence_is_nobodys_refusal() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_is_never_heard_again_is_lost_once_its_battery_is_empty() -> None:
+def test_a_vehicle_without_messages_is_lost_once_its_battery_is_empty() -> None:
     flight = under_way()
     silenced(flight)
     silent_s = flight.now_s
@@ -116,7 +116,7 @@ def test_the_last_one_that_is_heard_ends_no_flight_by_its_silence() -> None:
     assert {0, 1} <= set(flight.state.coverage.inspected)
 
 
-def test_who_stays_silent_is_not_called_regained() -> None:
+def test_a_link_without_messages_is_not_regained() -> None:
     flight = under_way()
     silenced(flight)
     flight.pass_s(30.0)
@@ -143,7 +143,7 @@ def test_what_was_left_over_in_a_silence_is_planned_when_it_ends() -> None:
     assert flight.state.replanning.records[-1].trigger == "uav3: link regained"
 
 
-def test_who_is_silent_for_the_moment_is_given_no_work() -> None:
+def test_a_vehicle_with_a_stale_link_gets_no_segments() -> None:
     """Silent for 7 s and lost after 10: a plan that counts on it would be made twice."""
     flight = under_way()
     flight.crafts["uav2"].mute = True
@@ -157,7 +157,7 @@ def test_who_is_silent_for_the_moment_is_given_no_work() -> None:
 
 
 @pytest.mark.parametrize(("failsafe_s", "counts"), [(None, True), (20.0, False)])
-def test_who_has_landed_meanwhile_flew_its_mission_only_if_nothing_else_can_have_landed_it(
+def test_a_landing_during_the_blackout_proves_the_mission_only_without_another_cause(
     failsafe_s: float | None, counts: bool
 ) -> None:
     """PX4 is in its mission mode again once it has disarmed, however it came home."""
@@ -174,7 +174,7 @@ def test_who_has_landed_meanwhile_flew_its_mission_only_if_nothing_else_can_have
 
 
 @pytest.mark.parametrize(("long_s", "stage"), [(60.0, Stage.PILOT), (8.0, Stage.RETURNING)])
-def test_who_is_found_holding_after_a_long_silence_is_left_alone(long_s: float, stage: Stage) -> None:
+def test_a_vehicle_found_on_hold_after_a_long_link_gap_is_left_alone(long_s: float, stage: Stage) -> None:
     """A failsafe holds for some seconds before it returns: who still holds after a minute is held by somebody."""
     flight = under_way(fleet_of(autopilot="px4"))
     silenced(flight)

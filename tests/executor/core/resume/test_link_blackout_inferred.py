@@ -1,4 +1,4 @@
-"""What was flown while nobody listened: it counts where clock, place, mode and battery tell one story."""
+"""Segments flown without the ground station: they count if clock, place, mode and battery agree."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_a_segment_between_two_places_of_the_mission_counts() -> None:
     assert found((SECOND, 0.3), HOME) == InferredCoverage((1,))
 
 
-def test_one_whose_beginning_is_known_not_to_count_does_not() -> None:
+def test_a_segment_with_a_rejected_beginning_does_not_count() -> None:
     assert found((FIRST, 0.3), HOME, run=None) == InferredCoverage((1,))
 
 
@@ -114,7 +114,7 @@ def test_a_time_may_be_off_by_less_than_what_flying_a_segment_too_fast_wins(sign
     assert off == InferredCoverage(why_not=f"it took {way + sign * (WON_S + 0.1):.0f} s, expected {way:.0f} s")
 
 
-def test_who_is_known_to_be_slow_may_take_its_own_time() -> None:
+def test_a_slow_vehicle_may_take_longer() -> None:
     pace = Pace(inspect=1.2, transit=1.1)
     slow = LearnedFactors(PaceEstimate(pace.inspect), PaceEstimate(pace.transit))
     ends = {TRANSIT[0]: 0.5, HOME[0]: 0.5}
@@ -163,7 +163,7 @@ def test_a_clock_that_began_anew_proves_nothing() -> None:
     assert found(TRANSIT, HOME, -way + 0.1).why_not.startswith("it took 0 s")
 
 
-def test_who_is_elsewhere_proves_nothing() -> None:
+def test_a_vehicle_elsewhere_proves_nothing() -> None:
     corridor_m, boot_s = CONTEXT.corridor_m, BEGAN_S + way_s(*TRANSIT, SECOND, 0.5)
     for beside_m in (corridor_m - 0.1, -corridor_m + 0.1):
         assert found(TRANSIT, (SECOND, 0.5), fix=on_leg(SECOND, 0.5, boot_s, beside_m)).joins == 1
@@ -176,7 +176,7 @@ def test_who_is_elsewhere_proves_nothing() -> None:
 
 
 @pytest.mark.parametrize("heartbeat", [None, Heartbeat(3, RTL, True, 4)])
-def test_who_is_not_on_its_mission_any_more_proves_nothing(heartbeat: Heartbeat | None) -> None:
+def test_a_vehicle_no_longer_on_its_mission_proves_nothing(heartbeat: Heartbeat | None) -> None:
     told = found(TRANSIT, HOME, heartbeat=heartbeat)
     assert told.segments == ()
     assert told.why_not
@@ -200,7 +200,7 @@ TOUCHED: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(
     ("changes", "why_not"), [*TOUCHED, ({"mode_since_s": NOW_S + 0.1}, "its mode changed in the meantime")]
 )
-def test_to_whom_anything_else_happened_meanwhile_proves_nothing(changes: dict[str, Any], why_not: str) -> None:
+def test_any_other_event_during_the_gap_proves_nothing(changes: dict[str, Any], why_not: str) -> None:
     assert found(TRANSIT, HOME, **changes) == InferredCoverage(why_not=why_not)
     assert found(TRANSIT, HOME, mode_since_s=NOW_S, jump=(50.0, NOW_S)).segments == (0, 1), "that was before"
 
@@ -249,12 +249,12 @@ def landed(
     return infer_coverage(CONTEXT, state, BOARD, state.assignment.waypoint)
 
 
-def test_who_is_back_on_its_pad_has_flown_its_mission() -> None:
+def test_a_vehicle_back_on_its_pad_has_flown_its_mission() -> None:
     assert landed() == InferredCoverage((0, 1))
     assert landed(late_s=600.0) == InferredCoverage((0, 1)), "when it landed nobody knows"
 
 
-def test_who_landed_too_soon_has_not() -> None:
+def test_a_vehicle_that_landed_too_soon_has_not() -> None:
     assert landed(late_s=-WON_S + 0.1).segments == (0, 1)
     assert "too short for its leg" in landed(late_s=-WON_S - 0.1).why_not
 
@@ -291,7 +291,7 @@ def test_what_is_known_of_a_vehicle_goes_with_it_into_a_gap() -> None:
     assert before.factor == 1.3
 
 
-def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
+def test_a_vehicle_off_its_pad_or_returned_by_failsafe_proves_nothing() -> None:
     pad_e, pad_n = SETUP.pad_m
     fix = replace(at(), boot_s=BEGAN_S + 900.0, alt_rel_m=0.0)
     assert landed(fix=replace(fix, place_m=(pad_e + 15.0, pad_n))).segments == (0, 1)
@@ -301,13 +301,13 @@ def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
     assert landed(battery=account.BatteryState()).why_not == "its consumption is not known"
 
 
-def test_who_was_not_told_to_start_yet_has_flown_nothing() -> None:
+def test_a_vehicle_that_was_not_started_yet_has_flown_nothing() -> None:
     """It says where it is after a while, as the start that waited for that would begin."""
     assert landed(start_owed_s=5.0) == InferredCoverage()
     assert landed().segments == (0, 1)
 
 
-def test_who_was_in_its_climb_has_the_rest_of_that_before_it() -> None:
+def test_a_vehicle_in_its_climb_has_the_rest_of_it_ahead() -> None:
     climb_m = WAYPOINTS[0].alt_rel_m
     assert WAYPOINTS[0].phase is Phase.TAKEOFF
     for share in (0.0, 0.5, 1.0):

@@ -1,4 +1,4 @@
-"""What a vehicle flew while nobody listened, by its clock, its place and its battery."""
+"""Segments flown during a gap, inferred from clock, place and battery."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One vehicle is silent for a while: what it flew meanwhile counts by the rule of a flight that is taken up again."""
+"""A link gap of one vehicle: segments flown in it count by the rule of a resumed flight."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_what_is_heard_without_a_gap_needs_no_evidence() -> None:
     assert (of_uav2(flight), flight.solves()) == (frozenset(), [])
 
 
-def test_who_landed_meanwhile_flew_its_mission() -> None:
+def test_a_vehicle_that_landed_during_the_gap_flew_its_mission() -> None:
     flight = under_way(fleet_of(faults={"link_timeout_s": 300.0}))
     silent(flight, 160.0)
     assert not flight.crafts["uav2"].armed
@@ -146,7 +146,7 @@ def test_a_third_of_a_segment_flown_too_fast_in_a_gap_is_flown_again() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_was_in_another_mode_meanwhile_proves_nothing() -> None:
+def test_another_mode_during_the_gap_proves_nothing() -> None:
     """Its positions get lost, its HEARTBEAT does not: for a second it was not on its mission."""
     flight = patient("px4")
     craft, modes = flight.crafts["uav2"], flight.context.vehicles["uav2"].dialect.modes
@@ -190,7 +190,7 @@ def test_a_vehicle_with_another_mission_proves_nothing() -> None:
     assert flight.stage("uav2") is Stage.PILOT
 
 
-def test_who_says_nothing_of_its_item_proves_nothing() -> None:
+def test_a_missing_mission_item_proves_nothing() -> None:
     flight = patient()
     flight.crafts["uav2"].mute = True
     flight.pass_s(20.0)

@@ -1,4 +1,4 @@
-"""A flight taken up again: the ground station dies, the vehicles fly on, and nothing is lost or flown twice."""
+"""A resumed flight: the ground station dies, the vehicles fly on, and no segment is lost or flown twice."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_what_was_flown_meanwhile_is_not_flown_again(away_s: float, autopilot: s
     assert flight.state.coverage.inspected[2] == "uav2"
 
 
-def test_who_landed_meanwhile_is_seen_as_landed_and_its_work_counts() -> None:
+def test_a_vehicle_that_landed_during_the_outage_is_landed_and_its_segments_count() -> None:
     flight = under_way()
     killed(flight, 300.0)
     flight.finish()
@@ -86,7 +86,7 @@ def test_a_time_that_does_not_fit_proves_nothing(speed: float, why: str) -> None
     assert flight.solves()
 
 
-def test_who_is_beside_its_way_has_not_flown_it() -> None:
+def test_a_vehicle_off_its_track_has_not_flown_it() -> None:
     flight = under_way()
     flight.crafts["uav2"].aside_m = 30.0
     killed(flight, 20.0)
@@ -107,7 +107,7 @@ def test_a_clock_that_was_set_back_changes_nothing() -> None:
     assert flight.solves() == []
 
 
-def test_nobody_is_lost_for_our_own_absence_and_who_is_lost_is_found_out() -> None:
+def test_our_absence_loses_no_vehicle_and_a_lost_one_is_detected() -> None:
     flight = under_way()
     die(flight, 40.0)
     flight.crafts["uav2"].mute = True
@@ -122,7 +122,7 @@ def test_nobody_is_lost_for_our_own_absence_and_who_is_lost_is_found_out() -> No
     assert [name for name, vehicle in flight.state.vehicles.items() if vehicle.fault] == ["uav2"]
 
 
-def test_nobody_waits_for_one_on_its_pad_that_falls_silent_while_it_is_given_a_mission() -> None:
+def test_a_link_lost_on_the_pad_during_an_upload_delays_no_other_vehicle() -> None:
     """uav1 has landed and is to fly again when the ground station dies, and never answers any more."""
     flight = under_way()
     flight.crafts["uav2"].speed = 0.4
@@ -150,7 +150,7 @@ def test_before_the_start_procedures_have_ended() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_flew_it_all_before_its_start_was_heard_is_not_started_again() -> None:
+def test_a_vehicle_that_flew_its_mission_before_its_start_was_reported_is_not_started_again() -> None:
     flight = story()
     flight._due.clear()
     flight.crafts["uav1"].begin()
@@ -228,7 +228,7 @@ def test_a_mixture_that_is_still_flown_at_its_new_beginning_is_made_whole() -> N
     assert flight.sent_home() == []
 
 
-def test_who_flies_the_end_of_a_mixture_comes_home() -> None:
+def test_a_vehicle_on_the_end_of_a_mixed_mission_is_given_rtl() -> None:
     flight = lost_and_solved()
     name = flight.uploads()[0].vehicle
     die(flight, 1.0)
@@ -242,7 +242,7 @@ def test_who_flies_the_end_of_a_mixture_comes_home() -> None:
 
 
 @pytest.mark.parametrize("seq", [0, 6])
-def test_who_hovers_where_half_of_a_new_mission_ended_comes_home_and_flies_again(seq: int) -> None:
+def test_a_vehicle_hovering_at_the_end_of_half_a_mission_returns_and_flies_again(seq: int) -> None:
     """ArduPilot flies what came, says that its mission is complete, and a list that follows moves nothing."""
     flight = lost_and_solved()
     name = flight.uploads()[0].vehicle
@@ -255,7 +255,7 @@ def test_who_hovers_where_half_of_a_new_mission_ended_comes_home_and_flies_again
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_comes_home_by_itself_with_half_of_a_new_mission_is_left_to_that() -> None:
+def test_a_failsafe_rtl_with_half_a_new_mission_on_board_is_left_alone() -> None:
     """Its own failsafe may be landing it on the last of its battery."""
     flight = lost_and_solved()
     name = flight.uploads()[0].vehicle
@@ -267,7 +267,7 @@ def test_who_comes_home_by_itself_with_half_of_a_new_mission_is_left_to_that() -
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_who_carries_what_nobody_here_put_there_comes_home() -> None:
+def test_a_vehicle_with_an_unknown_mission_is_given_rtl() -> None:
     flight = under_way()
     die(flight, 5.0)
     come_back(flight, 5.0, uav2=Found("uav2", True, 3, 4, (Match(0, 2, whole=False),)))
@@ -287,7 +287,7 @@ def test_a_mission_that_cannot_be_read_is_taken_for_the_one_that_was_put_on_boar
     assert flight.sent_home() == []
 
 
-def test_who_came_home_because_we_were_away_flies_again() -> None:
+def test_a_vehicle_that_returned_during_our_absence_flies_again() -> None:
     """Their own failsafes brought all of them home: they are well, and finish what is left."""
     ready = fleet_of()
     vehicles = {name: replace(setup, failsafe_s=5.0) for name, setup in ready.context.vehicles.items()}

@@ -1,4 +1,4 @@
-"""A flight that is taken up again: what is done about each vehicle, by what it is found to carry."""
+"""A resumed flight: the action for each vehicle, by its mission on board."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flight that is taken up again in the midst of a re-plan."""
+"""A flight resumed during a re-plan."""
 
 from __future__ import annotations
 

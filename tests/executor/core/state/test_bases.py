@@ -106,12 +106,12 @@ def test_heights_count_from_where_it_was_armed() -> None:
     [(EAST, 0.0, "east", True), (WEST, 0.0, "west", False), (EAST, 200.0, "west", False)],
     ids=["at the other", "where it took off", "at none"],
 )
-def test_who_has_landed_is_at_the_base_on_whose_pad_it_stands(at: Pad, away_m: float, base: str, moved: bool) -> None:
+def test_a_landed_vehicle_belongs_to_the_base_of_its_pad(at: Pad, away_m: float, base: str, moved: bool) -> None:
     turn = settle_at_base(DAY, standing(at, away_m=away_m).with_turn(lands_at="east")).turn
     assert (turn.base, turn.lands_at, turn.moved) == (base, "", moved)
 
 
-def test_who_has_nothing_to_fly_lands_nowhere_else() -> None:
+def test_a_vehicle_without_segments_lands_at_its_own_base() -> None:
     idle = standing(WEST).with_turn(lands_at="east")
     assert landing_base_of(DAY, idle) == "west"
     assert landing_base_of(DAY, idle.with_turn(asked_s=1.0)) == "east"

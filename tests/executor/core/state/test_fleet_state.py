@@ -1,4 +1,4 @@
-"""What is taken to be so of a flight, and of a re-plan, before anything was heard."""
+"""The initial state of a flight, and of a re-plan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a position is known: by GPS, reckoned since it was lost, or nobody says."""
+"""How a position is known: by GPS, dead-reckoned since its loss, or not at all."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_a_wreck_keeps_its_last_fix_when_its_estimator_begins_anew() -> None:
     assert known.sensors.positioning.lost_s == NOW_S + 1.0
 
 
-def test_a_report_whose_fix_is_repeated_confirms_no_place() -> None:
+def test_a_repeated_fix_confirms_no_position() -> None:
     """ArduPilot reports the last fix for four seconds after its receiver has stopped."""
     frozen = Gps(3, 14, measured_s=500.0)
     known = heard((NOW_S, frozen), (NOW_S + 1.0, None), (NOW_S + 1.1, frozen), (NOW_S + 4.0, NONE))

@@ -63,7 +63,7 @@ def test_on_the_pad_the_whole_mission_is_ahead() -> None:
     assert energy_to_finish_pct(flying(board=None)) == 0.0
 
 
-def test_who_is_beside_its_leg_has_no_more_than_the_leg_to_fly() -> None:
+def test_a_vehicle_off_its_leg_has_at_most_the_leg_to_fly() -> None:
     waypoint = LEVEL[0]
     far = flying(waypoint=waypoint, fix=replace(at(), place_m=(9000.0, 9000.0)))
     assert time_to_reach_s(far, waypoint) == BOARD.legs[waypoint].duration_s
@@ -98,7 +98,7 @@ def test_the_band_is_as_wide_as_consumption_and_pace_are_unknown() -> None:
         assert more_pct == pytest.approx(1.5 * 0.2 * sum(ahead_pct), rel=1e-3)
 
 
-def test_before_any_leg_the_band_is_as_wide_as_the_pace_of_nobody_known() -> None:
+def test_before_any_leg_the_band_has_its_default_width() -> None:
     unknown, known = (
         project_landing(CONTEXT, thirsty(1.0), replace(SETUP, start=start))
         for start in (LearnedFactors(), LearnedFactors(PaceEstimate(var=1e-12), PaceEstimate(var=1e-12)))
@@ -153,7 +153,7 @@ def test_no_place_no_way_home() -> None:
     assert energy_to_return_pct(CONTEXT, flying(fix=None), SETUP) is None
 
 
-def test_who_is_slow_or_has_the_wind_against_it_takes_more_to_come_home() -> None:
+def test_a_slow_vehicle_or_headwind_needs_more_for_the_return() -> None:
     state = flying(fix=at(east_m=800.0, up_m=HIGH_M))
     slow = with_facts(state, learned=LearnedFactors(transit=PaceEstimate(1.2)))
     usual_pct, slow_pct = (energy_to_return_pct(CONTEXT, one, SETUP) for one in (state, slow))
@@ -216,7 +216,7 @@ def test_a_landing_far_above_the_floor_is_no_question_and_one_below_it_is() -> N
     assert chance(60.0, fix=None) is None
 
 
-def test_who_has_not_reported_its_battery_is_taken_to_have_a_full_one() -> None:
+def test_an_unreported_battery_is_assumed_full() -> None:
     unknown, full = flying(battery=account.BatteryState()), flying(battery=pack(100.0))
     assert link_blackout.max_remaining_flight_s(CONTEXT, unknown) == link_blackout.max_remaining_flight_s(CONTEXT, full)
     assert link_blackout.max_remaining_flight_s(CONTEXT, flying(battery=pack(50.0))) == pytest.approx(
@@ -225,7 +225,7 @@ def test_who_has_not_reported_its_battery_is_taken_to_have_a_full_one() -> None:
     assert link_blackout.max_remaining_flight_s(CONTEXT, full) == pytest.approx(1.5 * 100.0 / min(CONTEXT.draws_pct_s))
 
 
-def test_nobody_flies_longer_than_its_battery() -> None:
+def test_no_vehicle_flies_longer_than_its_battery() -> None:
     lasts_s = link_blackout.max_remaining_flight_s(CONTEXT, flying())
     assert link_blackout.may_be_airborne(CONTEXT, flying(spoke_s=NOW_S - lasts_s + 0.1), NOW_S)
     assert not link_blackout.may_be_airborne(CONTEXT, flying(spoke_s=NOW_S - lasts_s), NOW_S)

@@ -86,7 +86,7 @@ def test_on_the_ground_nothing_has_begun() -> None:
     assert (began.at_s, began.given_pct) == (10.0, None)
 
 
-def test_of_legs_that_nobody_heard_pass_only_the_ends_are_known() -> None:
+def test_of_unobserved_legs_only_the_ends_are_known() -> None:
     before = in_the_air()
     state = track_legs(before, at(before, 3), 60.0)
     flown = state.assignment.flown

@@ -1,4 +1,4 @@
-"""Two vehicles that answer as one system, told apart by what they say of their time and their place."""
+"""Two vehicles with one system id, distinguished by their clocks and positions."""
 
 from __future__ import annotations
 

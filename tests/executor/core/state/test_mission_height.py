@@ -144,7 +144,7 @@ def test_what_a_speed_is_told_leads_nowhere() -> None:
 
 
 @pytest.mark.parametrize(("stood_s", "up_m", "lies"), [(8.0, 10.0, True), (7.9, 10.0, False), (8.0, 10.1, False)])
-def test_who_has_stopped_far_below_its_mission_lies_there(stood_s: float, up_m: float, lies: bool) -> None:
+def test_a_vehicle_stopped_far_below_its_mission_is_down(stood_s: float, up_m: float, lies: bool) -> None:
     one = flying(fix=over(0.5, 2, up_m), anchor=replace(over(0.5, 2, up_m), boot_s=NOW_S - stood_s))
     assert LIMITS.lies_s == 8.0
     assert is_stopped_below_mission(CONTEXT, SETUP, one) is lies

@@ -82,7 +82,7 @@ TEXTS = pytest.mark.parametrize("text", ["Flight plan received", "Auto mission c
 
 
 @TEXTS
-def test_a_flight_plan_that_nobody_here_sent_is_read_and_is_another_stations(text: str) -> None:
+def test_an_unknown_mission_is_read_and_is_another_stations(text: str) -> None:
     flight = honest()
     flight.crafts["uav2"].alike = 3
     flight.happen(Heard("uav2", StatusText(6, text)))
@@ -114,7 +114,7 @@ def test_a_flood_of_such_texts_is_looked_up_now_and_then() -> None:
     assert flight.stage("uav2") is Stage.FLYING
 
 
-def test_nothing_is_put_on_board_until_it_is_known_whose_mission_it_carries() -> None:
+def test_no_upload_until_the_mission_on_board_is_identified() -> None:
     flight = honest()
     flight.crafts["uav2"].alike = 3
     flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
@@ -124,7 +124,7 @@ def test_nothing_is_put_on_board_until_it_is_known_whose_mission_it_carries() ->
     assert "uav2" not in {upload.vehicle for upload in flight.uploads()}
 
 
-def test_who_does_not_let_it_be_read_is_left_alone() -> None:
+def test_a_vehicle_with_an_unreadable_mission_is_left_alone() -> None:
     flight = honest()
     flight.crafts["uav2"].unreadable = True
     flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
@@ -132,7 +132,7 @@ def test_who_does_not_let_it_be_read_is_left_alone() -> None:
     assert "cannot be read" in flight.said(Level.FAULT)[0]
 
 
-def test_nobody_is_blamed_for_a_question_that_went_into_a_silence() -> None:
+def test_a_request_during_a_link_gap_is_no_fault() -> None:
     flight = honest()
     craft = flight.crafts["uav2"]
     craft.unreadable = True
@@ -166,7 +166,7 @@ def test_one_report_alone_says_nothing() -> None:
     assert flight.said(Level.FAULT) == []
 
 
-def test_our_own_upload_is_nobody_elses() -> None:
+def test_our_own_upload_is_not_foreign() -> None:
     """What it reports while it is given a mission, and the text about it, is of that."""
     flight = honest()
     flight.crafts["uav1"].mute = True
@@ -201,7 +201,7 @@ def test_no_mission_at_all_is_not_ours_either() -> None:
 
 
 @pytest.mark.parametrize("total", [None, 0])
-def test_who_does_not_say_how_many_says_nothing(total: int | None) -> None:
+def test_a_report_without_a_count_says_nothing(total: int | None) -> None:
     assert (
         mission_ownership.apply_mission_report(MissionOwnership(), MissionCurrent(3, total), 12, 100.0)
         == MissionOwnership()

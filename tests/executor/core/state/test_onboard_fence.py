@@ -155,7 +155,7 @@ def test_a_breach_is_a_fault_of_its_own_by_any_of_its_signs() -> None:
     assert breached(text) == (Verdict.FAIL, "its fence is breached; it says: Polygon fence breached")
 
 
-def test_a_place_outside_says_so_where_nobody_else_does() -> None:
+def test_a_position_outside_the_fence_is_a_breach_without_other_reports() -> None:
     away = fenced()
     assert away.motion.fix is not None
     away = replace(away, motion=replace(away.motion, fix=replace(away.motion.fix, place_m=(0.0, 3000.0), at_s=NOW_S)))

@@ -78,7 +78,7 @@ def test_a_silent_vehicle_has_no_part_of_a_radio() -> None:
     assert heard((0.0, 5000)).count_bytes_s(NOW_S) == 0.0, "one count has no time"
 
 
-def test_nothing_is_said_where_there_is_no_radio_or_nobody_counts() -> None:
+def test_no_report_without_a_radio_or_counters() -> None:
     counted = flying(quality=heard((5.0, 2000), (0.0, 3000)))
     assert measure_channel(RadioShare(names=("uav1",)), [counted], NOW_S) is None
     assert measure_channel(RadioShare(bytes_s=1200.0, names=("uav1",)), [flying()], NOW_S) is None

@@ -1,4 +1,4 @@
-"""What is taken to be so of the small parts of a vehicle before anything was heard."""
+"""The initial values of the parts of a vehicle's state."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def test_a_place_in_words() -> None:
         (with_facts(moving(), fix=None), False),
     ],
 )
-def test_who_has_disarmed_lies_where_it_is_seen_to_lie(state: VehicleState, *, rests: bool) -> None:
+def test_a_disarmed_vehicle_lies_at_its_reported_position(state: VehicleState, *, rests: bool) -> None:
     assert is_at_rest(state, NOW_S) is rests
 
 

@@ -1,4 +1,4 @@
-"""What is taken to be so of a vehicle before anything was heard."""
+"""The initial state of a vehicle."""
 
 from __future__ import annotations
 

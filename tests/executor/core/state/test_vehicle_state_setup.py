@@ -42,7 +42,7 @@ def test_the_pack_that_is_in_it_counts(
     assert (setup.budget_pct, setup.reserve_pct) == (budget_pct, reserve_pct)
 
 
-def test_what_a_percentage_says_too_much_is_offered_to_nobody_and_doubted_in_flight() -> None:
+def test_an_overstated_percentage_is_not_planned_with_and_doubted_in_flight() -> None:
     honest, overstated = flown_with("B1"), flown_with("B1", overstated_pct=70.0)
     offers = [build_survivor(SCENE, flight_of(one), one, NOW_S) for one in (honest, overstated)]
     budgets_pct = [None if offer is None else offer.most_pct for offer in offers]

@@ -22,7 +22,7 @@ def test_a_part_is_replaced_and_the_rest_is_the_same_object() -> None:
 
 
 @pytest.mark.parametrize("whole", [VEHICLE, FLEET])
-def test_every_method_names_a_part_whose_fields_have_defaults(whole: VehicleState | FleetState) -> None:
+def test_every_method_names_a_part_with_defaults_for_its_fields(whole: VehicleState | FleetState) -> None:
     parts = [one.part for one in vars(type(whole)).values() if isinstance(one, PartUpdate)]
     assert parts
     for part in parts:

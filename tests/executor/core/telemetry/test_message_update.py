@@ -92,7 +92,7 @@ def test_each_message_is_kept_where_it_belongs() -> None:
     ("roll", "pitch", "tilted"),
     [(75.0, 0.0, False), (75.1, 0.0, True), (-75.1, 0.0, True), (0.0, 75.1, True), (0.0, -75.1, True)],
 )
-def test_who_leans_as_no_multicopter_flies(roll: float, pitch: float, *, tilted: bool) -> None:
+def test_an_attitude_in_which_no_multicopter_flies(roll: float, pitch: float, *, tilted: bool) -> None:
     state = after(flying(), Attitude(roll, pitch))
     assert state.sensors.tilted_since_s == (NOW_S if tilted else None)
     assert after(state, Attitude(roll, pitch), at_s=NOW_S + 2.0).sensors.tilted_since_s == state.sensors.tilted_since_s
@@ -200,7 +200,7 @@ def test_when_it_disarmed_is_when_it_was_first_heard_to_be() -> None:
     ("changes", "flew"),
     [({}, True), ({"took_off": False}, False), ({"took_off": False, "flew_mission": True}, True)],
 )
-def test_who_is_in_mission_mode_in_the_air_flew_its_mission(changes: dict[str, object], *, flew: bool) -> None:
+def test_a_vehicle_in_mission_mode_in_the_air_flies_its_mission(changes: dict[str, object], *, flew: bool) -> None:
     assert after(flying(**changes), ARMED).sortie.flew_mission is flew
     assert after(flying(), Heartbeat(3, RTL, True, 4)).sortie.flew_mission is False
 
@@ -258,13 +258,13 @@ def test_a_clock_that_hardly_moved_in_a_silence_has_fallen_back(boot_s: float, b
     assert state.sortie.rebooted_s is None
 
 
-def test_a_computer_whose_clock_was_set_while_it_was_away_says_nothing_of_the_vehicles() -> None:
+def test_a_clock_set_during_the_absence_says_nothing_about_the_vehicles() -> None:
     before = flying(fix=replace(at(), at_s=NOW_S - 3600.0, boot_s=NOW_S - 50.0), reopened=True)
     motion = after(before, position(boot_s=NOW_S - 42.0)).motion
     assert (motion.behind_s, motion.reopened) == (0.0, False)
 
 
-def test_what_waited_while_nobody_listened_catches_up() -> None:
+def test_messages_queued_during_a_stall_are_processed() -> None:
     vehicle = flying(fix=replace(at(), at_s=NOW_S - 8.0, boot_s=NOW_S - 8.0))
     for late_s in (7.8, 4.0, 0.2, 0.0):
         vehicle = after(vehicle, position(boot_s=NOW_S - late_s))
@@ -303,7 +303,7 @@ def test_the_anchor_is_where_it_last_moved_on(moved_m: float, *, anew: bool) -> 
 
 
 @pytest.mark.parametrize(("up_m", "armed", "flies"), [(2.0, True, False), (2.1, True, True), (2.1, False, False)])
-def test_who_is_armed_and_over_two_metres_took_off(up_m: float, *, armed: bool, flies: bool) -> None:
+def test_a_vehicle_armed_and_above_two_metres_has_taken_off(up_m: float, *, armed: bool, flies: bool) -> None:
     before = flying(took_off=False, fix=replace(at(), boot_s=NOW_S - 1.0), heartbeat=ARMED if armed else OFF)
     state = after(before, position(15.1, up_m))
     assert (state.sortie.took_off, state.sortie.away_once) == (flies, flies)

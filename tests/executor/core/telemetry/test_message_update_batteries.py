@@ -348,7 +348,7 @@ def test_what_it_held_in_the_air_stays_when_its_pack_is_full_again() -> None:
     assert another.power.landed_pct == 58.0, "a pack that was changed is what it is"
 
 
-def test_who_lost_charge_while_nobody_heard_it_landed_with_what_is_left() -> None:
+def test_a_vehicle_that_used_charge_without_a_link_landed_with_the_rest() -> None:
     """What it held before the silence is not what it landed with."""
     flies = message_update.apply_message(
         CONTEXT, flying(battery=pack(70.0)), Battery(0, 69.0, None, None, None, 1, 0), NOW_S

@@ -63,7 +63,7 @@ def test_what_none_of_its_own_refutes_is_believed() -> None:
     assert flight.stage("uav2") is Stage.DOWN
 
 
-def test_who_says_why_is_believed_at_once() -> None:
+def test_a_reported_reason_counts_at_once() -> None:
     flight = under_way()
     flight.happen(Heard("uav2", StatusText(2, "Crash: Disarming: AngErr=90>30, Accel=0.1<3.0")))
     flight.happen(disarmed(flight, "uav2"))
@@ -74,7 +74,7 @@ def test_who_says_why_is_believed_at_once() -> None:
 
 
 @pytest.mark.parametrize(("on_pad", "end"), [(True, Stage.DOWN), (False, Stage.LANDED)])
-def test_who_was_taken_to_be_on_the_ground_and_flies_is_looked_after(on_pad: bool, end: Stage) -> None:
+def test_a_vehicle_assumed_on_the_ground_that_flies_is_supervised(on_pad: bool, end: Stage) -> None:
     """However that came about, it is watched until it is down: where it lands, or at home."""
     flight = under_way()
     craft = flight.crafts["uav2"]

@@ -1,4 +1,4 @@
-"""What may say who changed a mode, as it is kept."""
+"""Evidence for the source of a mode change, as it is kept."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def test_what_failed(found: object, kind: str, words: str) -> None:
         ("mission_finished", Actor.MISSION),
     ],
 )
-def test_who_chose_a_mode(name: str, by: Actor) -> None:
+def test_the_source_of_a_mode(name: str, by: Actor) -> None:
     assert said(name) == ModeChange(None, by)
 
 

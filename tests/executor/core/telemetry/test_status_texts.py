@@ -110,7 +110,7 @@ def behind(flight: Story) -> list[str]:
     return [line for line in flight.said() if line.startswith("[forward]")]
 
 
-def test_who_is_behind_all_vehicles_is_told_once_and_so_is_what_is_not_passed_on() -> None:
+def test_a_forwarded_station_is_reported_once_and_so_are_frames_not_forwarded() -> None:
     flight = story()
     refused = StationActed(255, 190, "asks for streams: not passed on", passed=False)
     for vehicle in ("uav1", "uav2", "uav1"):

@@ -1,4 +1,4 @@
-"""Who speaks for a system of several components."""
+"""Which component speaks for a system."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_first_component_speaks_whoever_else_was_heard_first() -> None:
     assert after((GIMBAL, BEAT), (1, BEAT), (GIMBAL, BEAT)) == 1
 
 
-def test_an_autopilot_with_another_number_speaks_and_who_comes_later_does_not() -> None:
+def test_an_autopilot_with_another_component_id_counts_and_a_later_one_does_not() -> None:
     assert after((2, BEAT), (3, BEAT), (2, BEAT)) == 2
 
 

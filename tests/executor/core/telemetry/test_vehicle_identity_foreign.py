@@ -1,4 +1,4 @@
-"""Strangers on a link: who is named, and until how many are."""
+"""Foreign systems on a link: which are named, and how many."""
 
 from __future__ import annotations
 

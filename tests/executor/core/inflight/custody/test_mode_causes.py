@@ -79,7 +79,7 @@ def test_the_cause_of_a_mode(state: VehicleState, cause: ModeCause) -> None:
         (RTL, 4, 30.0, {}, ModeCause.FAILSAFE),
     ],
 )
-def test_a_hold_whose_heartbeats_know_of_no_failsafe_is_a_persons(
+def test_a_hold_without_a_failsafe_in_its_heartbeats_is_a_persons(
     mode: int, status: int, held_s: float, changes: dict[str, object], cause: ModeCause
 ) -> None:
     """A text that anybody can send, or a gap of the link, explains a hold for two heartbeats, not for longer."""
@@ -184,7 +184,7 @@ TOOK_OVER = ModeChange(None, Actor.PILOT)
         ({}, ModeCause.FAILSAFE),
     ],
 )
-def test_who_takes_over_while_a_failsafe_holds_it_is_told_by_an_event(
+def test_a_takeover_during_a_failsafe_hold_is_recognised_by_an_event(
     changes: dict[str, object], cause: ModeCause
 ) -> None:
     held = held_first(**({"mode_since_s": NOW_S - 4.0} | changes))
@@ -257,7 +257,7 @@ def test_a_return_of_an_arducopter_ends_in_its_own_mode(cause: ModeCause) -> Non
 
 
 @pytest.mark.parametrize(("age_s", "cause"), [(3.0, ModeCause.MISSION), (3.1, ModeCause.PERSON)])
-def test_over_the_pad_is_who_has_just_said_so(age_s: float, cause: ModeCause) -> None:
+def test_over_the_pad_needs_a_recent_position(age_s: float, cause: ModeCause) -> None:
     """Its last position before it went silent is that of its pad, and it has flown for half a minute since."""
     px4 = fleet_of(autopilot="px4").context
     home = flying(heartbeat=Heartbeat(12, PX4_RTL, True, 4), cause=ModeCause.MISSION)
@@ -297,7 +297,7 @@ def test_the_end_of_a_mission_is_no_failsafes_hold_and_no_pilots(
 
 
 @pytest.mark.parametrize("mode", [PX4_LAND, PX4_RTL])
-def test_who_holds_at_the_end_of_its_mission_goes_nowhere_by_itself(mode: int) -> None:
+def test_a_mode_change_after_the_hold_at_the_missions_end_is_a_persons(mode: int) -> None:
     assert caused_at_the_end(mode, 4, ModeCause.MISSION, Heartbeat(12, PX4_HOLD, True, 4)) is ModeCause.PERSON
 
 
@@ -351,7 +351,7 @@ def test_a_silence_explains_what_its_failsafe_leads_to(
     assert determine_mode_cause(context, away, before, critical, NOW_S) is ModeCause.FAILSAFE
 
 
-def test_whoever_holds_an_arducopter_on_the_return_that_was_ordered_is_a_person() -> None:
+def test_a_hold_of_an_arducopter_during_an_ordered_return_is_a_persons() -> None:
     """Its battery failsafe is in force all the while, and makes its heartbeats critical; it holds nobody."""
     home = flying(heartbeat=Heartbeat(3, RTL, True, 5), cause=ModeCause.OURS, stage=Stage.RETURNING)
     held = went(BRAKE, heartbeat=Heartbeat(3, BRAKE, True, 5), stage=Stage.RETURNING)
@@ -368,7 +368,7 @@ def test_whoever_holds_an_arducopter_on_the_return_that_was_ordered_is_a_person(
         (1.0, {"stage": Stage.GROUND}, ModeCause.PERSON),
     ],
 )
-def test_who_was_told_to_stay_while_its_start_was_on_the_way_may_arm_by_it(
+def test_a_cancelled_start_may_still_arm_the_vehicle(
     after_s: float, changes: dict[str, object], cause: ModeCause
 ) -> None:
     stands: dict[str, object] = {
@@ -419,9 +419,7 @@ def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: 
         ({"heartbeat": Heartbeat(12, 84148224, True, 4)}, ModeCause.MISSION),
     ],
 )
-def test_who_holds_in_the_air_where_its_mission_would_have_landed_is_with_somebody(
-    changes: dict[str, object], cause: ModeCause
-) -> None:
+def test_a_hold_where_the_mission_would_have_landed_is_a_persons(changes: dict[str, object], cause: ModeCause) -> None:
     context = fleet_of(autopilot="px4").context
     hold = context.vehicles["uav1"].dialect.modes.hold.custom_mode
     assert hold == 50593792
@@ -475,7 +473,7 @@ def test_a_failsafe_that_waited_for_us(pause_s: float, ended_ago_s: float, mode_
     assert is_gcs_absence_failsafe(WITH_FAILSAFE, (), went(RTL), NOW_S) is False
 
 
-def test_who_holds_before_it_returns_may_do_so_late() -> None:
+def test_a_failsafe_hold_may_begin_late() -> None:
     away = (GroundStationAbsence(NOW_S - 30.0, 10.0, restarted=False),)
     assert is_gcs_absence_failsafe(with_failsafe("px4"), away, went(RTL), NOW_S)
     assert not is_gcs_absence_failsafe(with_failsafe("px4"), away, went(RTL), NOW_S + 0.1)
@@ -485,7 +483,7 @@ def test_who_holds_before_it_returns_may_do_so_late() -> None:
     )
 
 
-def test_who_did_not_say_whether_it_has_a_failsafe_and_came_out_of_a_silence_has_one() -> None:
+def test_an_unknown_gcs_failsafe_is_assumed_after_a_link_gap() -> None:
     unknown = fleet_of().context
     assert unknown.vehicles["uav1"].failsafe_s is None
     deaf, asleep = (GroundStationAbsence(NOW_S - 1.0, 10.0, restarted=False, deaf=deaf) for deaf in (True, False))
@@ -495,7 +493,7 @@ def test_who_did_not_say_whether_it_has_a_failsafe_and_came_out_of_a_silence_has
     assert not is_gcs_absence_failsafe(unknown, (deaf,), went(RTL), NOW_S)
 
 
-def test_who_was_heard_on_its_mission_when_we_were_back_did_not_miss_us() -> None:
+def test_a_vehicle_on_its_mission_after_the_gap_had_no_gcs_failsafe() -> None:
     """Its failsafe holds it first, and that is a mode of its own: who leaves the mission for good later was taken."""
     away, px4 = (GroundStationAbsence(NOW_S - 13.0, 58.0, restarted=False),), with_failsafe("px4")
     modes = px4.vehicles["uav1"].dialect.modes
@@ -539,7 +537,7 @@ def back(regained_ago_s: float = 1.0, **changes: object) -> VehicleState:
         (back(board=None), False),
     ],
 )
-def test_who_is_heard_again_is_waited_for_until_it_has_said_enough(state: VehicleState, *, waits: bool) -> None:
+def test_a_regained_link_is_judged_only_after_enough_reports(state: VehicleState, *, waits: bool) -> None:
     stepped = recover_after_silence(CONTEXT, FleetState({"uav1": state}), state, NOW_S)
     assert (stepped is None) is waits
     if stepped is not None:

@@ -1,4 +1,4 @@
-"""Who has a vehicle: a person, its failsafe, or its mission."""
+"""The party in control of a vehicle: a person, its failsafe, or its mission."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles that somebody else flies, and what is found of them."""
+"""Vehicles flown by other parties, and their detected faults."""
 
 from __future__ import annotations
 

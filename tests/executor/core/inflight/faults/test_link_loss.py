@@ -1,4 +1,4 @@
-"""Silence: our own, that of all, and that of one, each on both sides of its limit."""
+"""Link loss: the ground station's, that of all vehicles, and that of one, each on both sides of its limit."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def ages(state: FleetState) -> list[float]:
 @pytest.mark.parametrize(
     ("pause_s", "excused", "noted"), [(2.0, False, False), (2.1, True, False), (5.0, True, False), (5.1, True, True)]
 )
-def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: bool, noted: bool) -> None:
+def test_our_own_pause_is_no_fault_of_a_vehicle(pause_s: float, *, excused: bool, noted: bool) -> None:
     state, said = discount_host_pause(CONTEXT, heard(8.0, 8.0, 1.0, tick_s=NOW_S - pause_s), NOW_S)
     assert state.listening.tick_s == NOW_S
     rest_s = 8.0 - pause_s if excused else 8.0
@@ -58,7 +58,7 @@ def test_the_first_tick_was_no_pause() -> None:
     assert (state.listening.tick_s, said, ages(state)) == (NOW_S, (), [8.0])
 
 
-def test_who_was_never_heard_is_excused_from_nothing() -> None:
+def test_a_vehicle_never_received_is_excused_from_nothing() -> None:
     state, _ = discount_host_pause(CONTEXT, heard(None, 8.0, tick_s=NOW_S - 4.0), NOW_S)
     assert state.vehicles["uav1"].link.heard_s is None
 
@@ -135,7 +135,7 @@ def test_the_first_one_that_is_heard_excuses_the_others(pause_s: float, *, noted
     )
 
 
-def test_once_nobody_flies_it_is_over() -> None:
+def test_the_flight_ends_once_no_vehicle_flies() -> None:
     parked = heard(9.0, 9.0, stages=(Stage.LANDED, Stage.GROUND), silent_since_s=NOW_S - 9.0)
     state, said = check_all_links(CONTEXT, parked, NOW_S)
     assert (state.listening.silent_since_s, said) == (None, ())
@@ -160,6 +160,6 @@ def test_only_what_it_says_itself_is_a_link_regained(spoke_ago_s: float, *, rega
         assert (state.vehicles["uav1"].link.stale, state.vehicles["uav1"].link.excused_s) == (False, NOW_S)
 
 
-def test_who_was_never_heard_has_not_fallen_silent() -> None:
+def test_a_vehicle_never_received_has_no_lost_link() -> None:
     before = heard(None)
     assert check_link(CONTEXT, before, before.vehicles["uav1"], NOW_S) == (before, ())

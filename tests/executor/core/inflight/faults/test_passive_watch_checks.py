@@ -1,4 +1,4 @@
-"""Watching vehicles that somebody else flies, look by look."""
+"""Watching vehicles flown by other parties, check by check."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Watching vehicles that somebody else flies, message by message."""
+"""Watching vehicles flown by other parties, message by message."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def test_it_is_said(name: str, state: VehicleState) -> None:
     assert name in names(state)
 
 
-def test_nobody_is_warned_of_a_vehicle_on_the_ground() -> None:
+def test_no_warning_about_a_vehicle_on_the_ground() -> None:
     assert names(flying(stage=Stage.LANDED, heard_s=NOW_S - 100.0)) == []
 
 

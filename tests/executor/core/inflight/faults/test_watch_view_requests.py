@@ -1,4 +1,4 @@
-"""Who is asked for its streams."""
+"""Requests for streams."""
 
 from __future__ import annotations
 

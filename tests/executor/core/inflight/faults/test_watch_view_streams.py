@@ -1,4 +1,4 @@
-"""A stream stops while the others come: it is said, asked for again, and a fault by its own name."""
+"""A stream stops while the others continue: it is reported, requested again, and a fault by its own name."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_landing_without_heartbeats_is_seen_by_its_place() -> None:
     assert any(line.startswith("uav2: does not move, ") for line in flight.said(Level.FAULT))
 
 
-def test_who_says_neither_where_it_is_nor_how_is_lost() -> None:
+def test_a_vehicle_without_position_and_heartbeat_is_lost() -> None:
     flight = under_way()
     flight.crafts["uav2"].stopped |= {Heartbeat, Position}
     stopped_s = flight.now_s
@@ -117,7 +117,7 @@ def test_who_says_neither_where_it_is_nor_how_is_lost() -> None:
 
 
 @pytest.mark.parametrize(("on_ground", "down_s"), [(None, 30.0), (True, 5.0), (False, 150.0)])
-def test_who_hangs_on_its_way_home_is_mentioned_before_it_is_taken_to_lie_there(
+def test_a_vehicle_stuck_in_its_return_is_reported_before_it_counts_as_down(
     on_ground: bool | None, down_s: float
 ) -> None:
     flight = under_way()

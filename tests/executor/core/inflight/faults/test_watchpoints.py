@@ -355,7 +355,7 @@ def test_what_the_vehicle_said_of_it_is_part_of_the_evidence(age_s: float, shown
     assert str(off_pad(flying(heartbeat=DISARMED, alarm=said))).endswith("Battery Failsafe") is shown
 
 
-def test_a_vehicle_whose_clock_stands_still_does_not_stall() -> None:
+def test_a_vehicle_with_a_stopped_clock_does_not_stall() -> None:
     """A simulator that the computer lets wait for ninety seconds has flown for ten."""
     starved = flying(anchor=replace(at(age_s=91.0), boot_s=at().boot_s - 10.0))
     assert verdict("stall", starved) is Verdict.OK

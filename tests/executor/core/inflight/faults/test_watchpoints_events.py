@@ -1,4 +1,4 @@
-"""PX4's "Failsafe activated" says nothing of why: its event does, and that is what a flight is told."""
+"""PX4's "Failsafe activated" has no reason: its event does, and the flight reports that."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ SINKS: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changes", "expected"), SINKS)
-def test_who_sinks_far_below_its_mission(changes: dict[str, Any], expected: str) -> None:
+def test_a_vehicle_sinking_far_below_its_mission(changes: dict[str, Any], expected: str) -> None:
     assert look("sinking", flying(**changes)) == expected
 
 
@@ -64,7 +64,7 @@ TARGETS: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changes", "expected"), TARGETS)
-def test_who_sinks_though_its_autopilot_wants_to_climb(changes: dict[str, Any], expected: str) -> None:
+def test_a_vehicle_sinking_while_its_autopilot_wants_to_climb(changes: dict[str, Any], expected: str) -> None:
     sinks = {"below_m": 3.6, "below_s": NOW_S, "climbs_m_s": -1.0}
     assert look("thrust", flying(**{**sinks, **changes}), UNPLANNED) == expected
 
@@ -82,12 +82,12 @@ LIES: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changes", "expected"), LIES)
-def test_who_came_down_in_its_mission_and_lies_there_armed(changes: dict[str, Any], expected: str) -> None:
+def test_a_vehicle_down_on_its_mission_and_still_armed(changes: dict[str, Any], expected: str) -> None:
     lies = {"fix": at(up_m=0.0), "anchor": at(up_m=0.0, age_s=5.0), "drops_s": NOW_S - 8.0}
     assert look("lies", flying(**{**lies, **changes}), UNPLANNED) == expected
 
 
-def test_who_lies_far_below_the_mission_that_is_known() -> None:
+def test_a_vehicle_lying_far_below_its_known_mission() -> None:
     lies = flying(fix=on_leg(3.0), anchor=on_leg(3.0, stood_s=8.0))
     assert look("lies", lies) == "does not move, down at 49.59996, 15.60208 (GPS not reported), armed: keep away"
     assert look("lies", flying(fix=on_leg(15.0), anchor=on_leg(15.0, stood_s=8.0))) == "ok"
