@@ -228,7 +228,7 @@ def test_a_port_check_never_occupies_the_port() -> None:
     assert (result.returncode, result.stderr) == (1, "")
 
 
-def test_a_run_is_healthy_while_its_events_go_on(tmp_path: Path) -> None:
+def test_a_run_is_healthy_while_its_events_continue(tmp_path: Path) -> None:
     assert not healthy("run", str(tmp_path))
     for name, began_s in (("a", time.time() - 3600), ("b", time.time())):
         (tmp_path / name).mkdir()

@@ -56,7 +56,7 @@ def test_every_line_is_used() -> None:
     assert [line for line in LINES if f"{line[0]}.{line[1]}" not in texts] == []
 
 
-def test_a_line_is_said_with_its_level_or_with_another() -> None:
+def test_a_line_has_its_level_or_another_one() -> None:
     line = CrewLine(Level.INFO, "{vehicle}: landed with {left_pct:.0f} %")
     assert line.say(vehicle="uav1", left_pct=61.4) == Say(Level.INFO, "uav1: landed with 61 %")
     assert line.with_level(Level.WARNING).say(vehicle="uav1", left_pct=61.4).level is Level.WARNING

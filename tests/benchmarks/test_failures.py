@@ -202,7 +202,7 @@ def test_a_bound_knows_what_comes_and_what_is_under_way(monkeypatch: pytest.Monk
     assert least_value(scenario(), 5.0) == 6.5
 
 
-def test_missing_data_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_data_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("benchmarks.data.ROOT", tmp_path)
     monkeypatch.chdir(tmp_path)
     shown = CliRunner().invoke(cli, ["failures"])

@@ -34,7 +34,7 @@ def test_the_gap_is_over_the_best_known() -> None:
     assert "Mean gap 0.250 %, largest 0.500 %" in text
 
 
-def test_start_times_are_told_apart() -> None:
+def test_start_times_are_distinguished() -> None:
     text = start.report({"python_s": 0.1, "import_s": 0.25, "cold_s": 9.0, "warm_s": 1.2, "starts": 5})
     assert "| import planner, less Python alone | 0.15 |" in text
 

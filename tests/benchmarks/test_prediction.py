@@ -122,7 +122,7 @@ def test_legs_of_a_kind_are_summed_where_they_were_heard() -> None:
     assert summed == {"land": {"planned_s": 200.0, "flown_s": 210.0, "time_error_pct": 5.0, "energy_error_pct": 0.0}}
 
 
-def test_a_flight_that_was_not_nominal_is_told_and_not_counted(
+def test_a_flight_that_was_not_nominal_is_reported_and_not_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flights = [Flown((route_of(104.0, 10.5),), 100.0, 2.0), Flown((), 50.0, 1.0, "uav2: falls")]

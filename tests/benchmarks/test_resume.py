@@ -11,7 +11,7 @@ from benchmarks.commands import cli
 from benchmarks.resume import ResumedFlight, resume_report
 
 
-def test_a_flight_is_killed_and_taken_up_again_after_hours(tmp_path: Path) -> None:
+def test_a_flight_is_killed_and_resumed_after_hours(tmp_path: Path) -> None:
     case = ["resume", "--vehicles", "2", "--minutes", "0.5", "--hours", "0.2", "--speedup", "6"]
     done = CliRunner().invoke(cli, [*case, "--out", str(tmp_path), "--json"])
     assert done.exit_code == 0, done.output

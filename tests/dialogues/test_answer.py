@@ -23,7 +23,7 @@ def test_a_question_that_stays_open_shows_how_often_it_is_asked() -> None:
     assert fold(asked((0.0, 3), (1.0, 3))) == ("MISSION_REQUEST 3, again",)
 
 
-def test_another_answer_ends_the_row_and_its_lateness_is_told() -> None:
+def test_another_answer_ends_the_row_and_its_lateness_is_reported() -> None:
     heard = [*asked((0.0, 0), (0.1, 1)), Heard(8.2, 8.1, "MISSION_ACK ERROR"), *asked((8.3, 2))]
     assert fold(heard) == ("MISSION_REQUEST 0..1", "MISSION_ACK ERROR after 8 s", "MISSION_REQUEST 2")
 

@@ -140,7 +140,7 @@ async def test_a_page_that_is_behind_says_so_by_the_flights_own_time() -> None:
             await expect(banner).to_be_hidden()
 
 
-async def test_a_ground_station_that_is_gone_is_said() -> None:
+async def test_a_ground_station_that_is_gone_is_reported() -> None:
     with Shown(scene_of("flying")).serving() as address:
         async with Line.to(address) as line, browsing(line.address) as page:
             await expect(page.locator(".strip")).to_have_count(3)

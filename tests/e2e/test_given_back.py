@@ -169,7 +169,7 @@ async def test_a_preflight_that_says_no_leaves_nothing_changed(tmp_path: Path) -
         assert fleet.as_before
 
 
-async def test_a_flight_that_is_taken_up_again_gives_back_what_its_first_process_changed(tmp_path: Path) -> None:
+async def test_a_resumed_flight_restores_what_its_first_process_changed(tmp_path: Path) -> None:
     site, _ = site_file(tmp_path, pylons=4, vehicles=2, speedup=SPEEDUP, autopilot="px4")
     run = tmp_path / "run"
     async with on_pads(site, "px4") as fleet:

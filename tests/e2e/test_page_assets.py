@@ -52,7 +52,7 @@ async def test_missed_ones_come_first_and_red(layout: str) -> None:
             assert await page.evaluate("document.documentElement.scrollWidth") <= size[0]
 
 
-async def test_one_that_counts_may_be_looked_at_again() -> None:
+async def test_an_asset_that_counts_may_be_inspected_again() -> None:
     shown = Shown(scene_of("pictures"))
     with shown.serving() as address:
         async with browsing(address) as page:

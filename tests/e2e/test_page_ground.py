@@ -39,7 +39,7 @@ def _on_the_plane(told: str) -> float:
     return east_m
 
 
-async def test_a_place_under_the_pointer_is_told_with_the_height_of_its_ground() -> None:
+async def test_a_place_under_the_pointer_is_shown_with_its_ground_height() -> None:
     """On a plane that rises to the north-east every height is known by hand."""
     ground = ground_about(np.array(PLACES_M), photo=False, hills=PLANE)
     with Shown(scene_of("flying")).serving(ground) as address:
@@ -82,7 +82,7 @@ async def test_the_map_backgrounds_are_distinguished_and_attributed() -> None:
             assert len(set(pictures.values())) == 3
 
 
-async def test_without_anything_known_of_the_ground_nothing_is_offered_and_places_are_told_all_the_same() -> None:
+async def test_without_known_ground_nothing_is_offered_but_places_are_shown() -> None:
     ground = ground_about(np.array(PLACES_M), photo=False)
     with Shown(scene_of("flying")).serving(ground) as address:
         async with browsing(address) as page:

@@ -34,7 +34,7 @@ async def in_file(page: Page, site: Path, words: str) -> None:
     assert words in await asyncio.to_thread(site.read_text, encoding="utf-8")
 
 
-async def test_what_is_typed_is_saved_and_what_is_wrong_is_said_at_its_field(shared: Opened, site: Path) -> None:
+async def test_what_is_typed_is_saved_and_what_is_wrong_is_reported_at_its_field(shared: Opened, site: Path) -> None:
     comment = "# what a route may use"
     assert comment in await asyncio.to_thread(site.read_text, encoding="utf-8")
     async with planning(shared, site) as page:
@@ -160,7 +160,7 @@ async def test_an_area_is_drawn_and_a_lock_is_set_by_keyboard_alone(shared: Open
         assert len(values["area"][0]["polygon"]) == 3
 
 
-async def test_a_second_tab_is_told_and_both_edits_are_kept(shared: Opened, site: Path) -> None:
+async def test_a_second_tab_is_informed_and_both_edits_are_kept(shared: Opened, site: Path) -> None:
     async with planning(shared, site) as page, browsing(shared.server.address) as other:
         await ready(other)
         await expect(page.locator("#saved")).to_contain_text("open in 2 tabs")
@@ -178,7 +178,7 @@ async def test_a_second_tab_is_told_and_both_edits_are_kept(shared: Opened, site
         assert (inspection["height_m"], inspection["standoff_m"]) == (18, 7)
 
 
-async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_is_back(tmp_path: Path) -> None:
+async def test_a_server_that_is_gone_is_reported_and_what_is_typed_is_sent_once_it_is_back(tmp_path: Path) -> None:
     site = make_demo_site(tmp_path)
     with opened(tmp_path, site) as server:
         port = server.port
@@ -198,7 +198,7 @@ async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_i
         await browser.__aexit__(None, None, None)
 
 
-async def test_a_site_that_cannot_be_saved_is_said_at_the_top(shared: Opened, site: Path) -> None:
+async def test_a_site_that_cannot_be_saved_is_reported_at_the_top(shared: Opened, site: Path) -> None:
     async def answer_full(route: Route) -> None:
         answer = await route.fetch()
         full = {"saved": False, "save_error": "site.toml: No space left on device"}

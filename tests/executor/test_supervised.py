@@ -46,7 +46,7 @@ async def test_what_dies_is_begun_again_with_longer_waits_and_said_once(tmp_path
     assert "in dies" in trace
 
 
-async def test_what_went_well_for_long_begins_its_waits_anew(tmp_path: Path) -> None:
+async def test_waits_are_reset_after_a_long_healthy_time(tmp_path: Path) -> None:
     began = list[float]()
 
     async def dies() -> None:
@@ -83,7 +83,7 @@ async def test_what_ends_by_itself_is_not_begun_again() -> None:
     assert began == [0.0]
 
 
-async def test_other_kinds_of_mistakes_are_said_too(tmp_path: Path) -> None:
+async def test_other_kinds_of_mistakes_are_reported_too(tmp_path: Path) -> None:
     said = list[str]()
 
     def first() -> None:
@@ -117,7 +117,7 @@ async def test_a_failed_background_task_leaves_a_line_and_no_traceback(
     assert "Traceback" not in capsys.readouterr().err
 
 
-async def test_a_thread_that_dies_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+async def test_a_thread_that_dies_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = list[str]()
 
     def dies() -> None:

@@ -104,7 +104,7 @@ def test_the_default_network_is_flown_with_the_margin_by_any_plan() -> None:
 
 
 @pytest.mark.parametrize(("radius_m", "highest_m"), [(700.0, 115.2), (None, 118.1)])
-def test_four_vehicles_come_home_below_the_ceiling_of_the_default_network(
+def test_four_vehicles_return_below_the_ceiling_of_the_default_network(
     radius_m: float | None, highest_m: float
 ) -> None:
     setup = plan_flight_setup(read_network(default_network_path(), radius_m=radius_m), FLEET, Inspection())

@@ -39,7 +39,7 @@ def ring(middle: Corner, radius_m: float, count: int) -> list[Corner]:
 
 @settings(max_examples=200, deadline=None)
 @given(places=ROUTES, margin_m=st.floats(5.0, 60.0))
-def test_the_margin_holds_about_every_way_and_every_way_home(places: list[Corner], margin_m: float) -> None:
+def test_the_margin_holds_about_every_way_and_every_return(places: list[Corner], margin_m: float) -> None:
     fence, pad = build_fence(places, margin_m, 60.0), places[0]
     assert 3 <= len(fence.corners_m) <= MOST_CORNERS
     for place in places:

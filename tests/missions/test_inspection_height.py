@@ -221,7 +221,7 @@ def test_ways_up_and_down_are_priced_as_they_are_flown(chosen: object, autopilot
         assert as_asked.durations_s[number] >= found.durations_s[number] - 1e-6
 
 
-def test_what_follows_in_flight_goes_on_from_the_line() -> None:
+def test_what_follows_in_flight_continues_from_the_line() -> None:
     """A re-plan goes up from where the last kept inspection ended, or on along the line without going up."""
     setup = plain()
     path = build_flight_path(setup, "uav3", (0, 2, 4), frozenset({0, 1, 2}))

@@ -56,7 +56,7 @@ def test_a_vehicle_without_a_layer_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("relief_m", "stacked"), [(0.0, False), (FLAT_M, False), (FLAT_M + 0.1, True), (20.0, True)])
-def test_vehicles_come_home_in_their_layers_over_flat_ground_and_stacked_over_relief(
+def test_vehicles_return_in_their_layers_over_flat_ground_and_stacked_over_relief(
     relief_m: float, *, stacked: bool
 ) -> None:
     network = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(455.0, 30.0), (455.0 + relief_m, 30.0)])

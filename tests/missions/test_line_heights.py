@@ -57,7 +57,7 @@ def test_what_lacks_heights_is_named(network: Network, reason: str) -> None:
         plan_flight_setup(network, ["uav1"], Inspection())
 
 
-def test_a_claim_makes_the_depots_ground_everybodys() -> None:
+def test_a_claim_of_flat_ground_extends_the_depots_height() -> None:
     network = with_heights(line([(None, 30.0), (452.0, 31.0)]), flat=True)
     assert network.flat
     assert [pylon.elevation_m for pylon in network.pylons] == [450.0, 452.0]

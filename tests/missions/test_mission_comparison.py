@@ -78,7 +78,7 @@ def test_what_ardupilot_rewrites_is_a_difference_on_px4() -> None:
         ("seq", 99, r"seq sent \d, read back 99"),
     ],
 )
-def test_any_other_change_is_told(dialect: Dialect, key: str, value: float, told: str) -> None:
+def test_any_other_change_is_reported(dialect: Dialect, key: str, value: float, told: str) -> None:
     mission = encode(PATH, dialect)
     seq = arrival_seq(mission, 2)
     read_back = list(mission.items)
@@ -88,7 +88,7 @@ def test_any_other_change_is_told(dialect: Dialect, key: str, value: float, told
     assert re.search(told.replace("HOLD", str(dialect.performance.hold_s)), text)
 
 
-def test_a_list_of_another_length_is_told_as_that() -> None:
+def test_a_list_of_another_length_is_reported_as_such() -> None:
     items = encode(PATH, PX4).items
     assert find_mission_differences(items, items[:-1], PX4) == ("10 items sent, 9 read back",)
 
@@ -140,7 +140,7 @@ def test_a_landings_yaw_is_ardupilots_own_and_px4s_is_ours() -> None:
         assert len(find_mission_differences(encode(PATH, dialect).items, items, dialect)) == told
 
 
-def test_an_unknown_command_is_told_by_its_number() -> None:
+def test_an_unknown_command_is_reported_by_its_number() -> None:
     ours = replace(encode(PATH, PX4).items[0], command=4242)
     assert find_mission_differences([ours], [replace(ours, param1=ours.param1 + 1.0)], PX4)[0].startswith(
         "item 0 (4242): param1 "

@@ -230,7 +230,7 @@ def test_optional_keys_may_be_missing(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_figure_that_its_content_does_not_bear_out_is_told(change: dict[str, Any], finding: str) -> None:
+def test_a_figure_that_its_content_does_not_bear_out_is_reported(change: dict[str, Any], finding: str) -> None:
     assert finding in check_plan(replace(small(), **change))
 
 
@@ -243,7 +243,7 @@ def test_places_and_lengths_are_checked() -> None:
     assert "segment 0: length_m is 100, its ends are 101 m apart" in findings
 
 
-def test_a_window_is_searched_for_anew() -> None:
+def test_a_window_is_searched_for_again() -> None:
     content, longest_s = small(), small().durations_s[0]
     assert check_plan(replace(content, window=Window(0.0, longest_s, longest_s))) == []
     wrong = replace(content, window=Window(50.0, 70.0, longest_s))

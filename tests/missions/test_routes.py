@@ -170,7 +170,7 @@ def test_a_replan_on_the_way_to_a_visit_gives_its_number_to_the_new_one() -> Non
     assert shape(replanned)[3:6] == [("transit", True, 1), ("transit", True, 1), ("inspect", True, 1)]
 
 
-def test_a_vehicle_on_its_way_home_can_be_sent_out_again() -> None:
+def test_a_vehicle_on_its_return_can_be_sent_out_again() -> None:
     setup = simple_setup()
     path = build_flight_path(setup, "uav1", [0])
     replanned = continue_path(setup, path, len(path.waypoints) - 1, [2])
@@ -178,7 +178,7 @@ def test_a_vehicle_on_its_way_home_can_be_sent_out_again() -> None:
     assert [point.visit for point in replanned.waypoints[4:6]] == [1, 1]
 
 
-def test_in_the_place_of_a_way_home_stands_a_transit_even_to_where_it_begins() -> None:
+def test_a_transit_replaces_a_return_even_to_where_it_begins() -> None:
     """Who flies home already goes on at the same number: with an inspection there it would not fly to its begin."""
     setup = simple_setup()
     path = build_flight_path(setup, "uav1", [0, 2])

@@ -80,7 +80,7 @@ def test_the_separation_is_the_least_distance_of_all_points(
     assert least - 2.9 <= found <= least + 1e-3
 
 
-def test_the_conflict_is_told_from_a_millimetre_below_the_distance_on() -> None:
+def test_a_conflict_is_reported_from_a_millimetre_below_the_distance() -> None:
     def conflicts(up_m: float) -> int:
         paths = [path_through("a", [(0.0, 0.0, 20.0), (100.0, 0.0, 20.0)])]
         paths.append(path_through("b", [(50.0, -50.0, up_m), (50.0, 50.0, up_m)]))
@@ -127,7 +127,7 @@ def test_a_vehicle_on_the_ground_counts_for_nothing() -> None:
     assert check_separation([path, FlightPath("b", ())], 5.0) == []
 
 
-def test_conflicts_are_told_in_words() -> None:
+def test_conflicts_are_reported_in_words() -> None:
     paths = [
         path_through("uav1", [(0.0, 0.0, 20.0), (100.0, 0.0, 20.0)]),
         path_through("uav2", [(50.0, -50.0, 23.0), (50.0, 50.0, 23.0)]),

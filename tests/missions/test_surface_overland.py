@@ -67,7 +67,7 @@ def flown_and_replanned(seed: int, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", range(FEW))
-def test_the_margin_holds_on_every_leg_and_every_way_home(seed: int, tmp_path: Path) -> None:
+def test_the_margin_holds_on_every_leg_and_every_return(seed: int, tmp_path: Path) -> None:
     flown_and_replanned(seed, tmp_path)
 
 

@@ -137,7 +137,7 @@ def test_the_camera_looks_at_what_was_asked_from_wherever_the_vehicle_is(reverse
     assert pitch == round(-np.degrees(np.arctan2(up_m, 14.0)))
 
 
-def test_viewpoints_beside_another_line_are_flown_over_it_and_said() -> None:
+def test_viewpoints_next_to_another_line_are_flown_over_it_and_reported() -> None:
     crossing = [*[(100.0 * number, 0.0) for number in (1, 2, 3)], (200.0, 100.0)]
     network = network_of(crossing, [(0, 1), (1, 2), (1, 3)], [(450.0, 30.0)] * 4)
     setup, higher = looked_at(network, [wish(1, bearings_deg=(45.0, 135.0, -45.0, -135.0), heights_m=(-8.0,))])

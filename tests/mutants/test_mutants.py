@@ -116,7 +116,7 @@ def test_what_was_learnt_holds_until_the_test_changes(toy: Path) -> None:
     assert len(list((toy / "store").iterdir())) == 2
 
 
-def test_what_a_test_made_of_the_project_while_it_was_imported_is_made_anew(toy: Path) -> None:
+def test_objects_that_a_test_made_at_import_are_made_again(toy: Path) -> None:
     text = "from toy import over\n\nSEEN = over(12)\n\n\ndef test_seen():\n    over(12)\n    assert SEEN\n"
     (toy / "test_toy.py").write_text(text)
     results = judged(toy, "return value <= LIMIT", "return value >= LIMIT")

@@ -53,7 +53,7 @@ def test_all_figures_of_a_plan() -> None:
     assert evaluation.violations == ("b spends 60.000 % of its budget of 50.000 %",)
 
 
-def test_what_is_wrong_is_said() -> None:
+def test_what_is_wrong_is_reported() -> None:
     plan = Plan((Route(0, (0, 14)), Route(1, ())), uncovered=(9,))
     evaluation = evaluate(INSTANCE, plan, Cost.MINSUM)
     assert evaluation.energies_pct == (20.0, 0.0)

@@ -127,7 +127,7 @@ def test_a_run_ends_when_nothing_better_is_found() -> None:
     assert result.stopped_by == "runs"
 
 
-def test_progress_is_told_and_the_stop_rule_obeyed() -> None:
+def test_progress_is_reported_and_the_stop_rule_obeyed() -> None:
     seen: list[Progress] = []
     instance = random_instance(8, 12, fleet(500.0, 500.0))
     stop = combine_stop_rules(Iterations(10**6), Cancelled(lambda: len(seen) == 4))

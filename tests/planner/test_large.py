@@ -88,7 +88,7 @@ def test_regions_make_a_large_plan_better_within_its_budgets(cost: Cost) -> None
     assert again.plan == result.plan
 
 
-def test_a_large_search_goes_on_from_a_plan_and_cuts_it_down_to_the_budgets() -> None:
+def test_a_large_search_continues_from_a_plan_and_cuts_it_down_to_the_budgets() -> None:
     instance = random_instance(4, 40, fleet(60.0, 25.0, 60.0))
     wish = Plan((Route(0, (0, 2, 4)), Route(1, tuple(range(6, 60, 2))), Route(2, ())), tuple(range(30, 40)))
     search = LargeSearch(instance, cost=Cost.MINSUM, seed=0, initial=wish, all_vehicles=False, watch=Stopwatch())

@@ -67,7 +67,7 @@ def test_one_segment_by_hand() -> None:
     assert instance.idle_s.tolist() == [0.0]
 
 
-def test_an_airborne_vehicle_pays_its_way_home() -> None:
+def test_an_airborne_vehicle_pays_for_its_return() -> None:
     vehicles = [
         Vehicle("up", (30.0, 40.0), 100.0, consumption=2.0, airborne=True),
         Vehicle("down", (30.0, 40.0), 100.0),

@@ -22,12 +22,12 @@ def asked(params: SearchParams, *, iterations: int = 2_000, window: bool = False
     return seen
 
 
-def test_code_is_told_the_field_too() -> None:
+def test_an_error_names_the_field_for_code_too() -> None:
     with pytest.raises(ValueError, match=r"region\n.*greater than or equal to 1"):
         LargeParams(region=-3)
 
 
-def test_batches_are_as_long_as_they_are_told_and_change_no_plan() -> None:
+def test_batches_have_the_given_length_and_change_no_plan() -> None:
     short = SearchParams(annealing=AnnealingParams(batch=100))
     assert [progress.iterations for progress in asked(short)] == list(range(0, 2_001, 100))
     stop = Iterations(2_000)
@@ -35,21 +35,21 @@ def test_batches_are_as_long_as_they_are_told_and_change_no_plan() -> None:
     assert solve(INSTANCE, cost=Cost.MINMAX, stop=stop, params=short).plan == usual.plan
 
 
-def test_a_search_is_as_hot_as_it_is_told() -> None:
+def test_a_search_starts_at_the_given_temperature() -> None:
     cold = SearchParams(annealing=AnnealingParams(hot=0.01))
     values = [solve(INSTANCE, cost=Cost.MINSUM, stop=Iterations(3_000), params=params) for params in (cold, cold)]
     usual = solve(INSTANCE, cost=Cost.MINSUM, stop=Iterations(3_000))
     assert values[0].plan == values[1].plan != usual.plan
 
 
-def test_regions_begin_where_they_are_told() -> None:
+def test_regions_are_searched_in_the_given_spells() -> None:
     """Region by region the stop rule is asked once in a spell."""
     params = SearchParams(large=LargeParams(above=10, spell=700))
     assert [progress.iterations for progress in asked(params)] == [0, 700, 1_400, 2_000]
 
 
 @pytest.mark.parametrize("searches", [1, 2])
-def test_a_search_for_the_window_makes_the_plans_that_it_is_told(searches: int) -> None:
+def test_a_search_for_the_window_makes_the_given_number_of_plans(searches: int) -> None:
     window = WindowSearchParams(
         minmax_searches=searches, minmax_iterations=500, other_searches=0, full_effort_from=1, batch=200
     )

@@ -102,7 +102,7 @@ def test_a_spare_does_not_fail_on_the_ground() -> None:
     assert found.expected_losses == pytest.approx(once + again, rel=0.05)
 
 
-def test_one_that_flies_again_goes_on_where_its_flight_hours_ended() -> None:
+def test_a_vehicle_that_flies_again_continues_its_flight_hours() -> None:
     # b lands at 20 s. When a is lost at 25 s, on the visit that ends at 30 m east, b flies there and back: 60 s.
     state = build_state_before_losses(line(3, 100.0, 200.0), Plan((Route(0, (2, 4)), Route(1, (0,)))))
     answer = repair_plan(state, 0, 25.0, effort=100)

@@ -180,7 +180,7 @@ def test_an_airborne_vehicle_that_cannot_get_home_is_named() -> None:
     assert result.iterations == 0
 
 
-def test_the_search_goes_on_from_a_plan() -> None:
+def test_the_search_continues_from_a_plan() -> None:
     instance = random_instance(6, 20, fleet(500.0, 500.0))
     good = solve(instance, cost=Cost.MINCOMB, stop=Iterations(3000))
     kept = solve(instance, cost=Cost.MINCOMB, stop=Iterations(0), initial=good.plan)
@@ -201,7 +201,7 @@ def test_a_plan_of_another_instance_is_refused(plan: Plan, message: str) -> None
         solve(line(3, 1.0, 1.0), cost=Cost.MINMAX, stop=Iterations(0), initial=plan)
 
 
-def test_progress_is_told_and_the_stop_rule_obeyed() -> None:
+def test_progress_is_reported_and_the_stop_rule_obeyed() -> None:
     seen: list[Progress] = []
     instance = random_instance(8, 12, fleet(500.0))
     result = solve(
@@ -219,7 +219,7 @@ def test_progress_is_told_and_the_stop_rule_obeyed() -> None:
     assert quiet.iterations >= 2500
 
 
-def test_the_work_goes_on_through_many_cycles() -> None:
+def test_the_work_continues_through_many_cycles() -> None:
     instance = random_instance(2, 6, fleet(500.0))
     result = solve(instance, cost=Cost.MINSUM, stop=Iterations(30_000))
     assert result.iterations == 30_000
@@ -257,7 +257,7 @@ def test_tight_budgets_are_met() -> None:
     assert max(result.evaluation.energies_pct) <= 3110.8 + 1e-6
 
 
-def test_impossible_is_said_where_the_fleet_has_too_little() -> None:
+def test_impossible_is_reported_where_the_fleet_has_too_little() -> None:
     best = solve(random_instance(12, 8, fleet(1e3, 1e3)), cost=Cost.MINSUM, stop=Iterations(2000)).evaluation.value
     reason = explain_infeasibility(random_instance(12, 8, fleet(0.4 * best, 0.4 * best)))
     assert reason is not None

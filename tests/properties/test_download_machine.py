@@ -97,7 +97,7 @@ def test_a_refusal_is_asked_again_and_then_is_the_reason(result: int) -> None:
     assert machine.outcome == Rejected(f"download refused: {RESULT_NAMES[result]}")
 
 
-def test_a_cancellation_is_told_to_the_vehicle() -> None:
+def test_a_cancellation_is_sent_to_the_vehicle() -> None:
     machine, _ = told(MissionCount(4))
     ended, said = machine.cancel()
     assert (ended.outcome, said) == (Aborted(), (MissionAck(15),))

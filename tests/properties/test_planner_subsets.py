@@ -117,7 +117,7 @@ def test_what_the_search_finds_exists(seed: int, segments: int, vehicles: int, s
         assert evaluate(tight, plan, Cost.MINSUM).violations == ()
 
 
-def test_a_loss_that_can_be_made_good_is_told_from_one_that_cannot() -> None:
+def test_a_loss_that_can_be_made_good_is_distinguished_from_one_that_cannot() -> None:
     instance = random_instance(3, 10, fleet(*[29.0] * 3))
     flown = solve(instance, cost=Cost.MINMAX, stop=Iterations(2000))
     answers = [

@@ -101,7 +101,7 @@ def test_two_vehicles_with_the_same_id_do_not_mix(one: str, other: str, seed: in
     assert sorted(text.text for text in reader.shown) == sorted([one, other])
 
 
-def test_a_vehicle_that_restarted_counts_its_texts_anew() -> None:
+def test_a_restarted_vehicle_restarts_its_text_counter() -> None:
     reader = Reader()
     for words in ("a" * 60, "b" * 60):
         for part in parts_of(words):

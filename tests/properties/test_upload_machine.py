@@ -153,7 +153,7 @@ def test_an_error_that_is_followed_by_a_request_is_forgotten() -> None:
     assert machine.outcome == TimedOut("no answer after item 1 of 4")
 
 
-def test_a_vehicle_that_never_asks_is_told_five_times() -> None:
+def test_a_vehicle_that_never_requests_items_gets_the_count_five_times() -> None:
     machine, sent = play(upload(PX4), [])
     assert sent == [MissionCount(len(ITEMS))] * COUNT_TRIES
     assert machine.outcome == TimedOut("the vehicle did not ask for the first item")
@@ -179,7 +179,7 @@ def test_the_last_item_is_repeated_while_its_acknowledgement_stays_away() -> Non
     assert machine.outcome == Accepted()
 
 
-def test_a_cancellation_is_told_to_the_vehicle() -> None:
+def test_a_cancellation_is_sent_to_the_vehicle() -> None:
     machine, _ = told(PX4, MissionRequest(0))
     ended, said = machine.cancel()
     assert (ended.outcome, said) == (Aborted(), (MissionAck(15),))

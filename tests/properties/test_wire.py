@@ -115,7 +115,7 @@ def test_nothing_that_is_none_is_shown_in_any_field_of_what_is_followed(number: 
             assert math.hypot(*fix.place_m) < 1e8
 
 
-def test_the_page_is_told_unknown_where_a_number_is_none() -> None:
+def test_the_page_gets_unknown_for_a_missing_number() -> None:
     """Whatever mistake of ours brings it there, the page must go on."""
     flight = flown()
 

@@ -461,7 +461,7 @@ def test_a_land_item_lands_at_its_place() -> None:
     assert (body.north_m, body.east_m) == pytest.approx((30, 30), abs=0.5)
 
 
-def test_after_its_own_landing_the_list_begins_anew_with_the_motors_off() -> None:
+def test_after_its_own_landing_the_list_starts_again_with_the_motors_off() -> None:
     op = operator()
     op.fly(mission(speed(5), waypoint(60, 0), land(30, 30)))
     op.run_until(lambda: not op.vehicle.frame.armed)

@@ -134,7 +134,7 @@ def test_only_the_configured_ground_station_holds_the_failsafe() -> None:
     assert op.vehicle.mode == RTL
 
 
-def test_without_the_failsafe_the_mission_goes_on_and_nothing_is_said() -> None:
+def test_without_the_failsafe_the_mission_continues_and_nothing_is_reported() -> None:
     op = cruising(speed(5), waypoint(600, 0), parameters={"FS_GCS_ENABLE": 0.0})
     op.heartbeats = False
     op.run(30)

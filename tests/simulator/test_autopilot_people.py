@@ -128,7 +128,7 @@ def test_the_sticks_do_not_disarm_a_vehicle_in_the_air(kind: AutopilotKind) -> N
 
 
 @KINDS
-def test_a_wreck_lies_armed_in_its_mode_and_goes_on_talking(kind: AutopilotKind) -> None:
+def test_a_wreck_lies_armed_in_its_mode_and_continues_talking(kind: AutopilotKind) -> None:
     flight = flying(kind, "uav1:wreck@40s")
     flight.run_until(lambda: "wreck" in flight.what())
     mode, lies = flight.vehicle.autopilot.mode, place(flight)
@@ -169,7 +169,7 @@ def test_a_wreck_is_disarmed_by_force_alone(kind: AutopilotKind) -> None:
     assert not flight.vehicle.autopilot.frame.armed
 
 
-def test_an_ardupilot_on_its_back_disarms_when_it_is_told_to_land() -> None:
+def test_an_ardupilot_on_its_back_disarms_when_commanded_to_land() -> None:
     flight = flying(AutopilotKind.ARDUPILOT, "uav1:wreck@40s")
     flight.run_until(lambda: "wreck" in flight.what())
     flight.command(MavCommand.DO_SET_MODE, 1.0, LAND)
@@ -198,7 +198,7 @@ def test_one_that_has_thrust_left_flies_on(kind: AutopilotKind) -> None:
 
 
 @KINDS
-def test_a_fence_is_said_and_the_vehicle_returns(kind: AutopilotKind) -> None:
+def test_a_fence_is_reported_and_the_vehicle_returns(kind: AutopilotKind) -> None:
     flight = flying(kind, "uav1:fence@40s")
     flight.run_until(lambda: "failsafe fence" in flight.what())
     flight.run(2.0)
@@ -260,7 +260,7 @@ def test_without_an_estimate_it_lands_where_it_is(kind: AutopilotKind) -> None:
 
 
 @KINDS
-def test_an_autopilot_that_is_started_anew_stands_on_its_pad(kind: AutopilotKind) -> None:
+def test_an_autopilot_that_is_started_again_stands_on_its_pad(kind: AutopilotKind) -> None:
     flight = flying(kind, "uav1:reboot=pad@40s")
     flight.run_until(lambda: "on_pad" in flight.what())
     flight.run(5.0)

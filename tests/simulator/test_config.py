@@ -43,7 +43,7 @@ def test_an_unknown_parameter_is_named() -> None:
         defaults_for(vehicle, 5000)
 
 
-def test_vehicles_must_be_told_apart_by_where_they_listen() -> None:
+def test_vehicles_must_be_distinguished_by_where_they_listen() -> None:
     one = sim_vehicle(AutopilotKind.PX4)
     with pytest.raises(FleetError, match=r"connection udpout://127\.0\.0\.1:14550"):
         SimFleet((one, sim_vehicle(AutopilotKind.PX4, name="uav2", sysid=12)))

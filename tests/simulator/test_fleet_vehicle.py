@@ -123,7 +123,7 @@ def test_a_whole_flight_and_its_truths(kind: AutopilotKind) -> None:
 
 
 @KINDS
-def test_silent_for_good_cuts_both_ways_and_the_vehicle_comes_home_by_itself(kind: AutopilotKind) -> None:
+def test_silent_for_good_cuts_both_ways_and_the_vehicle_returns_by_its_failsafe(kind: AutopilotKind) -> None:
     flight = Flight(kind, "uav1:silent@40%")
     flight.start()
     flight.run_until(lambda: "fault uav1:silent@40%" in flight.what())

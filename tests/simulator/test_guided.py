@@ -100,7 +100,7 @@ def test_px4_circles_with_its_nose_to_the_middle(radius_m: float) -> None:
     assert ask(op, "ORBIT_EXECUTION_STATUS")["radius"] == radius_m
 
 
-def test_ardupilot_flies_at_a_speed_for_as_long_as_it_is_told_so() -> None:
+def test_ardupilot_flies_at_a_speed_for_as_long_as_set_points_come() -> None:
     op = flying(AutopilotKind.ARDUPILOT)
     for _ in range(4):
         op.send(point(SPEED_ALONE, 3.0))

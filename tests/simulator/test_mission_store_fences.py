@@ -222,7 +222,7 @@ def test_px4_above_its_fence_holds_first(action: int, first: int, then: int) -> 
 
 
 @BOTH
-def test_its_own_way_home_ends_at_the_nearest_rally_point(kind: AutopilotKind) -> None:
+def test_its_own_rtl_ends_at_the_nearest_rally_point(kind: AutopilotKind) -> None:
     op = flying(kind)
     x, y = place_e7(60.0, 25.0)
     rally = (MissionItem(0, Frame.GLOBAL_RELATIVE_ALT, PlaceCommand.RALLY_POINT, x=x, y=y),)

@@ -356,7 +356,7 @@ def test_mission_start_begins_at_the_item_that_it_names() -> None:
     op.run_until(lambda: op.vehicle.frame.body.north_m > 50)
 
 
-def test_a_mission_flown_to_its_end_begins_anew_when_it_is_armed_again() -> None:
+def test_a_mission_flown_to_its_end_starts_again_when_it_is_armed_again() -> None:
     op = operator()
     op.fly(mission(speed(5), waypoint(60, 0), land(30, 30)))
     op.run_until(lambda: not op.vehicle.frame.armed)

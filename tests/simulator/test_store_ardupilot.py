@@ -95,7 +95,7 @@ def test_a_missing_item_is_asked_for_again_after_a_second() -> None:
     assert [fields["seq"] for fields in op.sent("MISSION_REQUEST", 0.5)] == [0]
 
 
-def test_a_duplicate_brings_ack_13_while_the_upload_goes_on() -> None:
+def test_a_duplicate_brings_ack_13_while_the_upload_continues() -> None:
     op = operator()
     op.send(MissionCount(len(LIST), 0))
     op.send(on_wire(LIST[0]))

@@ -158,7 +158,7 @@ def test_a_wrong_sequence_is_ignored_in_silence() -> None:
     assert op.upload_rest(LIST) == 0
 
 
-def test_a_lost_final_ack_is_said_again_for_the_last_item() -> None:
+def test_a_lost_final_ack_is_sent_again_for_the_last_item() -> None:
     op = operator()
     op.upload(LIST)
     assert acks(op.send(on_wire(LIST[-1]))) == [0]

@@ -54,7 +54,7 @@ def test_a_vehicle_calls_a_client_that_listens(plug: socket.socket) -> None:
         assert system_heard(plug) == 2
 
 
-def test_a_stepped_fleet_lives_only_while_it_is_told_to(plug: socket.socket) -> None:
+def test_a_stepped_fleet_lives_only_while_it_is_stepped(plug: socket.socket) -> None:
     beats: list[float] = []
     with fleet(stepped=True) as living:
         assert living.now_s == 0.0

@@ -60,7 +60,7 @@ def test_lost_on_the_second_sortie(autopilot: Autopilot, tmp_path: Path) -> None
 
 
 @BOTH
-def test_lost_on_the_second_sortie_over_terrain_beside_a_closed_area(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_lost_on_the_second_sortie_over_terrain_next_to_a_closed_area(autopilot: Autopilot, tmp_path: Path) -> None:
     if not autopilot.binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
     network = import_network(default_network_path(), Selection(), depot=None, radius_m=None).network

@@ -92,7 +92,7 @@ def test_vehicles_at_a_shared_pylon_descend_once_the_other_has_left(autopilot: A
 @pytest.mark.sitl
 @pytest.mark.timeout(580)
 @BOTH
-def test_what_counts_from_a_layer_is_flown_again_before_the_way_home(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_what_counts_from_a_layer_is_flown_again_before_the_return(autopilot: Autopilot, tmp_path: Path) -> None:
     done = all_as_asked(autopilot, tmp_path, FIRST, "uav1")
     assert "uav1: re-inspects V104.1 at inspection height; new mission before it returns" in done.said
     by = {row["segment"]: row["vehicle"] for row in done.report["inspections"]}

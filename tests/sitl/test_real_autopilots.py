@@ -80,7 +80,7 @@ def asks(port: int, action: str) -> Callable[[RealVehicle], None]:
 
 
 @BOTH
-def test_one_holds_and_goes_on(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_one_holds_and_continues(autopilot: Autopilot, tmp_path: Path) -> None:
     """What it was inspecting counts: it neither repeats nor skips a part, and flies on no faster than before."""
     port = free_port()
     story = Story(asks(port, "hold"), asks(port, "resume"), lasts_s=30.0, page=port)
@@ -125,7 +125,7 @@ def test_silent_and_home_by_its_own_failsafe(autopilot: Autopilot, tmp_path: Pat
 
 
 @BOTH
-def test_silent_and_told_to_return(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_link_lost_and_given_rtl(autopilot: Autopilot, tmp_path: Path) -> None:
     """Without a failsafe of its own it flies its mission on in silence, until it is heard again."""
     flight = flown(autopilot, silence(NO_FAILSAFE[autopilot], link_timeout_s=14.0), tmp_path)
     ended_well(flight, ["link"])

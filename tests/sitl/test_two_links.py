@@ -32,7 +32,7 @@ CUT_AT = 10
 
 
 @BOTH
-def test_an_upload_goes_on_over_the_other_link(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_an_upload_continues_over_the_other_link(autopilot: Autopilot, tmp_path: Path) -> None:
     if autopilot.binary is None:
         pytest.skip(f"{autopilot.variable}: expected the path of a real {autopilot.name}")
     wanted = Wanted({pad.vehicle: pad for pad in SETUP.pads}, SETUP.frame, 1.0, {}, frozenset({"uav1"}))

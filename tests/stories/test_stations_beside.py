@@ -138,7 +138,7 @@ def lines(flight: VirtualFlight, part: str) -> list[str]:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_station_that_asks_for_everything_four_times_a_second_is_told_no_and_the_flight_goes_on(
+def test_a_station_that_requests_everything_at_4_hz_is_refused_and_the_flight_continues(
     tmp_path: Path, autopilot: str
 ) -> None:
     flight, run = flown(tmp_path, autopilot)

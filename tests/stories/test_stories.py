@@ -46,5 +46,5 @@ async def test_a_story(story: Story, autopilot: str) -> None:
     await judged(story, autopilot)
 
 
-def test_the_stories_can_be_told_apart() -> None:
+def test_the_stories_can_be_distinguished() -> None:
     assert len({story.name for story in STORIES}) == len(STORIES) >= 40

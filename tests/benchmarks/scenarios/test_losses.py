@@ -52,7 +52,7 @@ def test_trips_follow_each_other_with_the_turnaround_between() -> None:
         (70.5, 2),
     ],
 )
-def test_of_a_lost_vehicle_counts_what_was_brought_home(at_s: float, counts: int) -> None:
+def test_of_a_lost_vehicle_only_landed_data_counts(at_s: float, counts: int) -> None:
     left = build_day_left(DAY, PLAN, [0], at_s)
     assert left.kept[0] == PLAN[0][:counts]
     assert left.survivors == (1,)
@@ -98,7 +98,7 @@ def test_without_survivors_what_is_left_stays_left() -> None:
     assert open_tasks(DAY, history[-1]) == (0, 1, 2, 3)
 
 
-def test_times_of_replans_are_told() -> None:
+def test_times_of_replans_are_reported() -> None:
     took: list[float] = []
     replan_losses(DAY, PLAN, [(0, 12.0), (1, 13.0)], replanned, took.append)
     assert len(took) == 2

@@ -30,7 +30,7 @@ def cell(theirs: PlanFigures, mine: PlanFigures, least_s: float = 0.0, radius_m:
     return Cell(radius_m, 18, 0.8, 100.0, 950.0, series, (Stretched(0.0, found(800)), stretched), against, least_s)
 
 
-def test_best_is_the_largest_window_and_best_earliest_anybodys() -> None:
+def test_best_is_the_largest_window_and_best_earliest_of_any_plan() -> None:
     # The longer plan has the larger window although its t* is later.
     series = Series("search", "minsum", (found(500, 1000), found(520, 1200), found(900, 1000)))
     assert series.best == found(520, 1200)

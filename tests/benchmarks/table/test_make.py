@@ -28,7 +28,7 @@ def made(folder: Path, *more: str) -> Any:
     return json.loads((folder / "table.json").read_text(encoding="utf-8"))
 
 
-def test_a_table_is_made_and_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_table_is_made_and_resumes_where_it_stopped(tmp_path: Path) -> None:
     first = made(tmp_path)
     (cell,) = first["cells"]
     assert cell["c_max_pct"] == pytest.approx(min(

@@ -87,7 +87,7 @@ def test_without_the_areas_the_same_flight_leads_through_them(tmp_path: Path, au
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_vehicle_that_is_sent_home_flies_straight_and_the_crew_is_told(tmp_path: Path, autopilot: str) -> None:
+def test_a_vehicle_given_rtl_flies_straight_and_the_crew_is_informed(tmp_path: Path, autopilot: str) -> None:
     flight, least_m = flown(ground(tmp_path, autopilot), "uav2:battery-step=30@45%")
     assert [fault.vehicle for fault in flight.report.faults] == ["uav2"]
     assert "uav2: RTL will cross no-fly area 'yard'" in [line.text for _, line in flight.said]

@@ -143,7 +143,7 @@ def test_a_silent_vehicle_is_taken_over_from_without_a_meeting(tmp_path: Path, a
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_what_is_inspected_from_a_layer_is_flown_again_before_the_way_home(tmp_path: Path, autopilot: str) -> None:
+def test_what_is_inspected_from_a_layer_is_flown_again_before_the_return(tmp_path: Path, autopilot: str) -> None:
     """uav1 begins beside the depot, at the end of a line of which the other half is uav2's."""
     chosen = ground(tmp_path, autopilot)
     plan = plan_with(chosen, {"uav1": (2, 0), "uav2": (4, 6), "uav3": (8,)})

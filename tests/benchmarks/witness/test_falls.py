@@ -72,5 +72,5 @@ def test_a_pilot_may_dive(tmp_path: Path) -> None:
     assert judged(flown(tmp_path, mode=STABILIZE)) is Stand.REFUTED
 
 
-def test_nothing_is_said_where_nothing_tells_heights() -> None:
+def test_without_heights_nothing_is_reported() -> None:
     assert sank_m_s(log_evidence.LogEvidence(1), 0, 100 * SECOND) == (0.0, "nothing that tells heights")

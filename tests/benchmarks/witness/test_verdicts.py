@@ -218,7 +218,7 @@ def test_what_a_log_states(tmp_path: Path) -> None:
     assert stated(writer, tmp_path) == [(StatementKind.BATTERY, 50.0), (StatementKind.CRASH, 100.4)]
 
 
-def test_a_gap_is_stated_where_others_were_heard_meanwhile(tmp_path: Path) -> None:
+def test_a_gap_is_stated_where_others_were_heard_in_the_meantime(tmp_path: Path) -> None:
     [(what, at_s)] = stated(silent(with_station=True), tmp_path)
     assert (what, round(at_s, 1)) == (StatementKind.SILENCE, 54.1)
     assert stated(silent(with_station=False), tmp_path) == []

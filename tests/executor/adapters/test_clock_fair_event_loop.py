@@ -144,7 +144,7 @@ def test_deadlines_go_by_another_time_after_everything_that_came_before_it() -> 
     assert happened == [*["heard"] * 10, "1.0 s", *["heard"] * 10, "2.0 s", *["heard"] * 10, "3.0 s"]
 
 
-def test_without_another_time_the_computers_goes_on() -> None:
+def test_without_another_time_the_computers_time_runs() -> None:
     async def fly() -> float:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, FairEventLoop)

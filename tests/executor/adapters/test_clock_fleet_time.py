@@ -70,7 +70,7 @@ class Pair:
         return [parse_time_line(line) for line in self.wire.said[1:]]
 
 
-def test_it_greets_back_and_goes_on_where_it_was() -> None:
+def test_it_greets_back_and_resumes_where_it_stopped() -> None:
     pair = Pair()
     greeting = parse_greeting(pair.wire.said[0].strip())
     assert greeting is not None
@@ -81,7 +81,7 @@ def test_it_greets_back_and_goes_on_where_it_was() -> None:
     assert pair.time.steady_s() == 1000.0, "the fleet has not lived on"
 
 
-def test_time_goes_on_with_the_fleet_when_everything_before_it_was_dealt_with() -> None:
+def test_time_advances_with_the_fleet_once_everything_before_is_done() -> None:
     pair = Pair()
     pair.lives(100.1)
     assert pair.time.steady_s() == 1000.0
@@ -162,7 +162,7 @@ def test_a_fleet_at_another_speed_keeps_its_own_time() -> None:
     assert (pair.time.is_synchronised, pair.wire.said) == (False, [])
 
 
-def test_a_flight_is_taken_up_at_the_date_of_its_fleet() -> None:
+def test_a_flight_is_resumed_at_the_date_of_its_fleet() -> None:
     """The flight began at 1.7e9 - 10 s by the fleet's date, and the computer kept half of its speed since."""
     pair = Pair()
     pair.lives(120.0)

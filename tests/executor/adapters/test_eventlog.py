@@ -204,7 +204,7 @@ def test_a_flight_resumed_from_its_log_decides_the_same(tmp_path: Path) -> None:
     assert state == flight.state
 
 
-def test_a_full_disk_is_said_once_and_what_happened_is_written_when_there_is_room(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once_and_what_happened_is_written_when_there_is_room(tmp_path: Path) -> None:
     path, told = tmp_path / "events.jsonl", list[str]()
     log = EventLog(path, began_unix_s=0.0, speedup=1.0, told=told.append)
     events: list[tuple[float, Event]] = [
@@ -246,7 +246,7 @@ def test_on_a_disk_that_stays_full_what_was_decided_is_kept_and_the_gap_is_noted
     assert told[1] == "the event log is written again; 16 lines are lost"
 
 
-def test_a_log_goes_on_behind_its_last_whole_line(tmp_path: Path) -> None:
+def test_a_log_continues_behind_its_last_whole_line(tmp_path: Path) -> None:
     path = written(tmp_path / "events.jsonl", [(1.0, Tick()), (2.0, Tick())])
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"t_s":3.0,"event":{"ki')
@@ -259,7 +259,7 @@ def test_a_log_goes_on_behind_its_last_whole_line(tmp_path: Path) -> None:
     assert list(read_events(path)) == [(1.0, Tick()), (2.0, Tick()), (4.0, Tick())]
 
 
-def test_what_is_damaged_or_missing_in_the_midst_is_said(tmp_path: Path) -> None:
+def test_what_is_damaged_or_missing_in_the_midst_is_reported(tmp_path: Path) -> None:
     path = written(tmp_path / "events.jsonl", [(float(second), Tick()) for second in (1, 2, 3, 80)])
     lines = path.read_bytes().splitlines(keepends=True)
     lines[2] = b"\xff\x00 garbage\n"

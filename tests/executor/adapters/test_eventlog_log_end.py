@@ -81,7 +81,7 @@ def log_end(path: Path, at_s: float) -> logend.LogPlace:
     return logend.LogPlace(path.stat().st_size, len(lines), at_s, logend.digest_of(lines[0], lines[-1]))
 
 
-def test_a_log_that_goes_on_tells_the_same_places(path: Path) -> None:
+def test_a_log_that_continues_tells_the_same_places(path: Path) -> None:
     with path.open("ab") as file:
         file.write(b'{"t_s":41')
     log = EventLog(path, lines=logend.count_lines_after(path, None))

@@ -16,7 +16,7 @@ def take(_: object) -> None:
     """Take what is shared."""
 
 
-def test_what_waits_for_a_process_that_is_killed_is_told_and_the_next_work_has_another() -> None:
+def test_work_waiting_for_a_killed_process_fails_and_the_next_gets_a_new_one() -> None:
     worker = OneWorker(take, SPAWNED.RawValue("q", 0))
     first = worker.submit(os.getpid).result(PATIENCE_S)
     hanging, waiting = worker.submit(time.sleep, 3600.0), worker.submit(os.getpid)

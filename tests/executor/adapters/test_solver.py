@@ -216,7 +216,7 @@ async def test_a_solver_that_hangs_is_given_up_and_does_not_outlive_the_program(
 
 
 @pytest.mark.asyncio
-async def test_a_solver_that_hangs_when_the_program_ends_is_killed_and_it_is_said(tmp_path: Path) -> None:
+async def test_a_solver_that_hangs_when_the_program_ends_is_killed_and_it_is_reported(tmp_path: Path) -> None:
     [worker, *lines], code = await stubbornly(tmp_path, give_up_s=3600.0, leaves=True)
     assert lines == ["left", "told: the solver did not stop on request, and was killed"]
     assert code == 7

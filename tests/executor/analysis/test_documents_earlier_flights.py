@@ -45,7 +45,7 @@ def test_without_its_report_a_flight_is_none_before_another(tmp_path: Path) -> N
         read_earlier_flights(tmp_path)
 
 
-def test_what_came_before_is_kept_for_a_flight_that_is_taken_up_again() -> None:
+def test_earlier_results_are_kept_for_a_resumed_flight() -> None:
     flight = under_way()
     said = build_vehicle_answers(FLEET.context, {}, earlier=(MONDAY,))
     for known in (said, AskedVehicles.model_validate(said.to_plain())):

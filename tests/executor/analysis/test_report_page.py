@@ -86,7 +86,7 @@ def test_the_outcome_comes_first(flight: tuple[FlightRecord, FlightReport]) -> N
     assert reader.of("p")[0].startswith("3 vehicles; 1 re-plan; any two vehicles stayed at least 12.5 m apart; ")
 
 
-def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
+def test_what_was_not_inspected_is_reported_first_too(tmp_path: Path) -> None:
     report = write_run(tmp_path, finished=False)
     record = read_run(tmp_path)
     assert (
@@ -292,7 +292,7 @@ def test_sorties_stand_with_their_packs_where_there_are_several(flight: tuple[Fl
     assert "P&lt;7&gt;" in text
 
 
-def test_what_a_radio_carried_is_said(flight: tuple[FlightRecord, FlightReport]) -> None:
+def test_what_a_radio_carried_is_reported(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     row = RadioRow(
         vehicles=("uav1", "uav2"), bytes_s=840.0, most_bytes_s=1100.0, capacity_bytes_s=1200.0, round_trip_s=2.44,

@@ -61,7 +61,7 @@ def test_a_leg_without_messages_is_unknown_and_the_route_is_not() -> None:
     assert (row.planned_s, row.flown_s, row.flown_pct, row.energy_error_pct) == (40.0, 45.0, None, None)
 
 
-def test_nothing_is_said_of_legs_without_begin_or_end() -> None:
+def test_nothing_is_reported_of_legs_without_begin_or_end() -> None:
     assert build_route_rows(state_with()) == ()
     assert build_route_rows(state_with(*legs_at(None, None, (130.0, 1.0)))) == ()
     assert error_pct(1.0, 0.0) is None

@@ -263,7 +263,7 @@ def test_many_corners_are_simplified_and_more_is_kept_from_them(place: Place) ->
     assert any("2000 corners are simplified to" in line for line in ground.worth_a_look)
 
 
-def test_areas_far_away_are_left_out_and_that_is_said(place: Place) -> None:
+def test_areas_far_away_are_left_out_and_that_is_reported(place: Place) -> None:
     place.site(extra=area(name="far", polygon=box(90_000, 0, 91_000, 1000)))
     ground = site_model.load_site_model(read_site(place.folder / "site.toml"), place.folder)
     assert ground.setup.areas == ()

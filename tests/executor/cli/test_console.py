@@ -112,7 +112,7 @@ async def test_what_was_typed_before_the_question_is_no_answer(monkeypatch: pyte
 
 @pytest.mark.usefixtures("terminal")
 @pytest.mark.asyncio
-async def test_a_line_that_comes_meanwhile_leaves_the_question_last(
+async def test_a_line_that_comes_in_the_meantime_leaves_the_question_last(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     console = TerminalConsole(quiet=False, yes=False)
@@ -196,7 +196,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
 
 
 @pytest.mark.asyncio
-async def test_a_mistake_in_the_table_is_said_and_the_drawing_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_mistake_in_the_table_is_reported_and_the_drawing_continues(monkeypatch: pytest.MonkeyPatch) -> None:
     said, flight = list[str](), under_way()
     console = TerminalConsole(quiet=False, yes=True)
     console._view = (flight.context, flight.state, flight.now_s)

@@ -104,7 +104,7 @@ def test_a_plan_that_does_not_say_its_autopilots_is_written_for_one_and_says_so(
     assert "autopilot" not in err
 
 
-def test_another_autopilot_than_the_plans_is_said(place: Place) -> None:
+def test_another_autopilot_than_the_plans_is_reported(place: Place) -> None:
     files, err = exported(place, mixed(place), "--autopilot", "px4")
     assert {one["mission"]["firmwareType"] for one in files.values()} == {12}
     assert "uav1: written for px4 as --autopilot has it; the plan is for ardupilot" in err
@@ -137,7 +137,7 @@ def test_the_fence_and_the_pad_that_a_site_asks_for_are_in_the_file(place: Place
         ('[fence]\nenabled = true\nrally = "keep"\n', "the plan has no rally points"),
     ],
 )
-def test_what_an_upload_would_clear_is_said(place: Place, fence: str, expected: str) -> None:
+def test_what_an_upload_would_clear_is_reported(place: Place, fence: str, expected: str) -> None:
     _, err = exported(place, mixed(place, fence))
     assert f"{expected} ([fence] of its site): the upload of these files clears those on board" in err
 

@@ -260,7 +260,7 @@ def test_a_full_disk_leaves_what_was_written_before(place: Place) -> None:
     assert written.read_text() == "before"
 
 
-def test_what_is_missing_is_said_before_the_lines_and_where_it_is_planned(place: Place) -> None:
+def test_what_is_missing_is_reported_before_the_lines_and_where_it_is_planned(place: Place) -> None:
     source, site = Path(place.path("a.kmz")), Path(place.path("new.toml"))
     link = b"<NetworkLink><name>more</name></NetworkLink>"
     source.write_bytes(
@@ -295,7 +295,7 @@ def test_flat_ground_by_format_is_still_flat_when_written(place: Place) -> None:
     assert (again.flat, again.frame, again.pylons, again.segments) == (True, first.frame, first.pylons, first.segments)
 
 
-def test_a_graph_file_is_shown_without_a_depot_and_it_is_said(place: Place) -> None:
+def test_a_graph_file_is_shown_without_a_depot_and_it_is_reported(place: Place) -> None:
     graph = Path(place.path("line.graph"))
     graph.write_text('pylons_position = "0 0 0; 100 0 0; 200 0 0;"\nconnections_indexes = "2; 1 3; 2;"\n')
     said = json.loads(place.run("network", str(graph), "--json")[1])
@@ -348,7 +348,7 @@ def test_a_site_shows_its_network_with_what_it_leaves_out_and_locks(place: Place
     assert reason == f"--snap: expected none with {place.path('site.toml')}, which states how it is read"
 
 
-def test_what_was_mended_is_said_where_it_is_planned(place: Place) -> None:
+def test_what_was_mended_is_reported_where_it_is_planned(place: Place) -> None:
     source, site = same.gpx(place.folder), Path(place.path("new.toml"))
     source.write_text(source.read_text().replace("<name>A2</name>", "<name>A1</name>"))
     assert place.run("init", str(source), "--depot", "49.6,15.6", "-o", str(site))[0] == 0

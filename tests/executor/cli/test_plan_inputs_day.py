@@ -75,7 +75,7 @@ def place(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytes
     return made
 
 
-def test_a_day_is_planned_told_drawn_kept_and_checked(place: Place) -> None:
+def test_a_day_is_planned_printed_drawn_kept_and_checked(place: Place) -> None:
     code, out, _ = place.plan("-o", "day.json", "--picture", "day.png")
     assert code == 0
     assert "finished on day 1 at" in out
@@ -204,7 +204,7 @@ def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
             assert one["start_s"] + one["duration_s"] <= 8 * 3600 + 600 or one["start_s"] >= 9.5 * 3600
 
 
-def test_a_day_is_planned_and_flown_and_the_next_one_goes_on(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_day_is_planned_and_flown_and_the_next_one_continues(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     flown: list[FlightRequest] = []
     monkeypatch.setattr(flights, "_fly_and_finish", lambda order, *_, **__: flown.append(order))
     place.write(NETWORK, DAY.replace('"any"\nroad_m_s = 8', '"own"'), NORTH, SOUTH, VEHICLES)

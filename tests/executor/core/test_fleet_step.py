@@ -40,7 +40,7 @@ def test_nothing_flies_before_the_launch() -> None:
     assert flight.given(Start) == [Start(name) for name in THREE]
 
 
-def test_what_is_said_is_kept_to_a_hundredth_of_a_second() -> None:
+def test_lines_are_kept_to_a_hundredth_of_a_second() -> None:
     state, _ = fleet_step.step(FLEET.context, under_way().state, ReturnAllOrdered(), 40.12345)
     assert state.crew.said[-1].at_s == 40.12
 
@@ -62,7 +62,7 @@ def test_a_silent_link_is_a_fault_at_its_time_out() -> None:
     assert record.ended_s - record.begun_s < 2.0
 
 
-def test_silence_is_said_before_it_is_a_fault() -> None:
+def test_silence_is_reported_before_it_is_a_fault() -> None:
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.pass_s(5.0)
@@ -116,7 +116,7 @@ def test_our_own_sleep_is_no_silence() -> None:
     assert flight.said(Level.FAULT) == []
 
 
-def test_a_lost_vehicle_that_comes_back_is_told_to_return_and_never_goes_on() -> None:
+def test_a_regained_vehicle_is_given_rtl_and_never_its_mission() -> None:
     flight = under_way()
     lost = flight.crafts["uav2"]
     lost.mute = True
@@ -181,14 +181,14 @@ def lost_uav2(mode: int | None = None, *, landed: bool = False) -> Story:
     return flight
 
 
-def test_a_lost_vehicle_that_is_heard_on_the_ground_has_landed() -> None:
+def test_a_lost_vehicle_reporting_from_its_pad_has_landed() -> None:
     flight = lost_uav2(RTL, landed=True)
     flight.pass_s(3.0)
     assert flight.stage("uav2") is Stage.LANDED
     assert flight.sent_home() == [], "it is in no mode that could take off"
 
 
-def test_a_lost_vehicle_that_is_heard_from_the_ground_elsewhere_is_down() -> None:
+def test_a_lost_vehicle_reporting_from_the_ground_elsewhere_is_down() -> None:
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.stage("uav2") is Stage.LOST)
@@ -198,7 +198,7 @@ def test_a_lost_vehicle_that_is_heard_from_the_ground_elsewhere_is_down() -> Non
     assert flight.said(Level.FAULT)[-1].startswith("uav2: link regained, down at 49.59")
 
 
-def test_a_lost_vehicle_that_landed_in_mission_mode_is_told_to_return_and_stays_where_it_is() -> None:
+def test_a_lost_vehicle_landed_in_mission_mode_is_given_rtl_and_stays_there() -> None:
     flight = lost_uav2(landed=True)
     flight.pass_s(12.0)
     assert flight.stage("uav2") is Stage.LANDED
@@ -220,7 +220,7 @@ def test_what_a_lost_vehicle_says_before_its_first_heartbeat_decides_nothing() -
 
 
 @pytest.mark.parametrize("mode", [LAND, RTL, SMART_RTL])
-def test_a_lost_vehicle_that_comes_home_by_itself_is_left_to_that(mode: int) -> None:
+def test_a_lost_vehicle_on_its_failsafe_rtl_is_left_alone(mode: int) -> None:
     flight = lost_uav2(mode)
     flight.run(lambda: flight.stage("uav2") is Stage.RETURNING)
     flight.pass_s(12.0)
@@ -300,7 +300,7 @@ def test_a_vehicle_that_never_starts_is_planned_around() -> None:
     assert flight.sent_home() == []
 
 
-def test_a_vehicle_that_armed_and_did_not_confirm_its_start_is_told_to_return() -> None:
+def test_a_vehicle_that_armed_without_confirming_its_start_is_given_rtl() -> None:
     """It may be in the air: the confirmation got lost, not the order."""
     flight = Story(FLEET.context, dict(FLEET.boards))
     flight.start_results["uav2"] = [StartEnded("uav2", accepted=False, reason="is not in mission mode")] * 3
@@ -315,7 +315,7 @@ def test_a_vehicle_that_armed_and_did_not_confirm_its_start_is_told_to_return() 
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_a_vehicle_that_armed_and_stands_is_told_to_disarm() -> None:
+def test_an_armed_vehicle_that_stands_is_commanded_to_disarm() -> None:
     """Nobody sends a vehicle home that stands on the ground with its motors running."""
     flight = Story(FLEET.context, dict(FLEET.boards))
     flight.start_results["uav2"] = [StartEnded("uav2", accepted=False, reason="is not in mission mode")] * 3

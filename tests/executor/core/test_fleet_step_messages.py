@@ -347,7 +347,7 @@ def test_an_inspection_is_kept_as_the_first_vehicle_flew_it() -> None:
         assert before or state.coverage.flown[0].mean_m_s == pytest.approx(3.0)
 
 
-def test_two_vehicles_behind_one_address_are_told_once() -> None:
+def test_two_vehicles_behind_one_address_are_reported_once() -> None:
     """A router that merges two vehicles of one number into one port shows a single address."""
     state, lines = flight_of(flying()), list[str]()
     for number in range(60):

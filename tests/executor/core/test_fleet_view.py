@@ -113,7 +113,7 @@ def test_the_battery_against_the_plan() -> None:
     assert shown(battery=BatteryState(), began_pct=None).battery.predicted_pct is None
 
 
-def test_what_is_still_to_be_spent_is_for_the_mission_or_for_the_way_home() -> None:
+def test_what_is_still_to_be_spent_is_for_the_mission_or_for_the_return() -> None:
     home_pct = legs.energy_to_return_pct(CONTEXT, flying(), SETUP)
     assert home_pct is not None
     assert shown(stage=Stage.RETURNING).battery.to_finish_pct == round(home_pct, 1) > 0.0
@@ -229,7 +229,7 @@ ADVICE: list[tuple[VehicleState, str]] = [
 
 
 @pytest.mark.parametrize(("state", "answer"), ADVICE, ids=[f"{n}-{row[1]}" for n, row in enumerate(ADVICE)])
-def test_what_to_do_about_one_that_should_come_home(state: VehicleState, answer: str) -> None:
+def test_the_command_for_a_vehicle_that_should_return(state: VehicleState, answer: str) -> None:
     assert advise_homing(CONTEXT, state, NOW_S)[0] == answer
 
 

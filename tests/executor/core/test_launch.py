@@ -121,7 +121,7 @@ def test_a_cancelled_start_needs_no_report() -> None:
 
 
 @pytest.mark.parametrize(("after_s", "starts"), [(44.9, True), (45.0, False)])
-def test_a_start_that_an_upload_broke_off_goes_on_while_the_crews_yes_is_of_now(after_s: float, starts: bool) -> None:
+def test_a_start_interrupted_by_an_upload_continues_while_the_clearance_is_valid(after_s: float, starts: bool) -> None:
     flight = flight_of(STARTS, launched_s=NOW_S - after_s)
     state, commands = resume_start(CREW, flight, flight.vehicles["uav1"], NOW_S)
     assert (Start("uav1") in commands) is starts
@@ -186,7 +186,7 @@ def test_a_vehicle_back_in_mission_mode_counts_as_flying_once_in_the_air(took_of
     assert (Say(Level.INFO, "uav1: flies its mission") in commands) is took_off
 
 
-def test_a_start_that_is_ordered_anew_is_pursued_again() -> None:
+def test_a_start_that_is_ordered_again_is_pursued_again() -> None:
     vehicle = with_facts(STARTS, start_let_go=True)
     state, _ = start_from_base(CREW, flight_of(vehicle, launched_s=NOW_S), vehicle, NOW_S)
     assert not state.vehicles["uav1"].orders.start_let_go

@@ -165,7 +165,7 @@ def test_a_vehicle_on_the_ground_is_offered_its_mission_again() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_what_was_left_over_meanwhile_is_planned_with_it() -> None:
+def test_segments_left_over_by_then_are_planned_with_it() -> None:
     flight = losing(unfit(1))
     flight.answer = leave_out(4)
     flight.run(lambda: bool(flight.state.coverage.given_up & {4}))

@@ -83,7 +83,7 @@ def test_the_checklist_says_what_is_asked_of_what_it_carries() -> None:
     assert check.text.endswith("; streams are thinned, positions at 1 Hz")
 
 
-def test_what_does_not_fit_is_said_with_how_many_would() -> None:
+def test_what_does_not_fit_is_reported_with_how_many_would() -> None:
     [check] = check_radio(RadioShare(6), ARDUPILOT, (REPORTED,))
     assert check.severity is Severity.WARNING
     assert check.text.endswith(": too slow for 6 vehicles, it carries 3")

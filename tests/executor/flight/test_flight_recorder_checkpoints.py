@@ -260,7 +260,7 @@ def test_what_is_before_it_is_not_read(logged: Logged, tmp_path: Path) -> None:
     assert found.notes == ()
 
 
-def test_damage_behind_it_is_said_with_its_line(logged: Logged, tmp_path: Path) -> None:
+def test_damage_behind_it_is_reported_with_its_line(logged: Logged, tmp_path: Path) -> None:
     run, place = copied(logged.run, tmp_path), logged.cuts[900].place
     lines = (run / LOG).read_bytes().splitlines(keepends=True)
     lines[place.lines + 3 : place.lines + 3] = [b'{"t_s":1.0,"lines_lost":7}\n', b"\xff\n"]
@@ -288,7 +288,7 @@ def checkpoint_of(diary: Diary, flight: Story) -> Callable[[LogPlace], Checkpoin
 
 
 @pytest.mark.asyncio
-async def test_a_flight_is_taken_up_again_and_again(tmp_path: Path) -> None:
+async def test_a_flight_is_resumed_again_and_again(tmp_path: Path) -> None:
     """Each process writes checkpoints into the log that it goes on with; none reads what is before the last."""
     run = prepared(tmp_path)
     flight, diary = launched(run)
@@ -321,7 +321,7 @@ async def test_a_flight_is_taken_up_again_and_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.asyncio
-async def test_a_full_disk_is_said_once_and_gone_on_with(tmp_path: Path) -> None:
+async def test_a_full_disk_is_reported_once_and_the_flight_continues(tmp_path: Path) -> None:
     run, told = prepared(tmp_path), list[str]()
     flight, diary = launched(run)
     writer = Checkpointer(run, diary.log, 1.0, told.append)

@@ -162,7 +162,7 @@ async def until(so: Callable[[], bool]) -> None:
         await asyncio.sleep(0.01)
 
 
-def test_what_the_crew_is_told() -> None:
+def test_the_lines_for_the_crew() -> None:
     assert (
         describe_slow_host(7.34, 20.0)
         == "host too slow: running at 7.3x instead of 20x real time; results are unaffected"

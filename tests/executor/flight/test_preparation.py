@@ -311,7 +311,7 @@ async def test_an_armed_vehicle_is_not_touched(tmp_path: Path) -> None:
     pads.close()
 
 
-async def test_a_vehicle_that_is_armed_meanwhile_is_left_alone(tmp_path: Path) -> None:
+async def test_a_vehicle_armed_in_the_meantime_is_left_alone(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "ardupilot", names=1)
     await pads.apply()
     vehicle, link = pads.vehicles["uav1"], pads.links["uav1"]

@@ -179,7 +179,7 @@ async def test_a_fence_that_was_widened_in_flight_is_ours(tmp_path: Path) -> Non
     pads.close()
 
 
-async def test_a_record_that_cannot_be_read_is_said(tmp_path: Path) -> None:
+async def test_a_record_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     (tmp_path / "fences.json").write_text('{"format": "faultline-fences/1", "lists": [{"vehicle": 3}]}')
     with pytest.raises(LogError, match=r"fences.json: lists\[0\]"):
         LISTS.read(tmp_path)

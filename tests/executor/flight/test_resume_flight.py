@@ -161,7 +161,7 @@ def test_a_report_that_is_made_up_for_comes_with_what_the_packs_flew(tmp_path: P
 
 
 @pytest.mark.asyncio
-async def test_a_flight_that_is_taken_up_leaves_what_it_taught(tmp_path: Path) -> None:
+async def test_a_resumed_flight_keeps_what_it_learned(tmp_path: Path) -> None:
     """Against what it began with: the flight before said that uav1 is slow and thirsty."""
     run = prepared(tmp_path)
     slow, unsure = PaceEstimate(1.2, 0.02**2, 40), Prior(1.1, 0.05)
@@ -196,7 +196,7 @@ def test_what_was_decided_and_not_carried_out_is_known(tmp_path: Path) -> None:
     assert left(run).undone == ()
 
 
-def test_damage_is_said_and_read_around(tmp_path: Path) -> None:
+def test_damage_is_reported_and_read_around(tmp_path: Path) -> None:
     run = prepared(tmp_path)
     flight, diary = launched(run)
     flight.run(lambda: len(flight.state.coverage.inspected) == 1)
@@ -267,7 +267,7 @@ def test_one_process_flies_a_directory(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("began_ago_s", "last_s", "expected_s"), [(60.0, 100.0, 600.0), (-3600.0, 100.0, 100.0)])
-def test_time_goes_on_and_never_goes_back(began_ago_s: float, last_s: float, expected_s: float) -> None:
+def test_time_advances_and_never_goes_back(began_ago_s: float, last_s: float, expected_s: float) -> None:
     """At ten times real time; the second clock was set back by an hour while the ground station was dead."""
     clock = SystemClock.resume(SPEEDUP, time.time() - began_ago_s, last_s)
     assert clock.now_s() == pytest.approx(expected_s, abs=20.0)

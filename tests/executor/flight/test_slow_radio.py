@@ -149,7 +149,7 @@ def test_everything_is_known_and_set_and_on_board(autopilot: str, kind: str, tmp
 
 
 @AUTOPILOTS
-def test_what_is_not_there_is_told_from_what_is_lost(autopilot: str, tmp_path: Path) -> None:
+def test_a_missing_parameter_is_distinguished_from_a_lost_answer(autopilot: str, tmp_path: Path) -> None:
     absent = {"ardupilot": "FENCE_AUTOENABLE", "px4": "COM_FLTT_LOW_ACT"}[autopilot]
     slow = prepared(tmp_path, autopilot, SLOW, {}, absent)
     assert slow.stops == []

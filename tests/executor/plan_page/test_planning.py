@@ -74,7 +74,7 @@ def test_so_many_iterations_give_the_same_plan_however_long_they_take(planned: O
     plan(planned)
 
 
-def test_a_plan_of_the_command_line_is_taken_up(planned: Opened) -> None:
+def test_a_plan_of_the_command_line_is_loaded(planned: Opened) -> None:
     before = planned.get("/api/workspace")["chosen"]
     with pytest.raises(SystemExit):
         main(

@@ -58,7 +58,7 @@ def test_edits_are_in_the_file_and_undone_there(demo: Opened) -> None:
     demo.post("/api/undo", revision=again["revision"])
 
 
-def test_a_tab_that_is_behind_is_told_and_given_the_newest(demo: Opened) -> None:
+def test_an_outdated_tab_is_informed_and_gets_the_newest(demo: Opened) -> None:
     stale = demo.get("/api/workspace")["revision"]
     newest = demo.set("inspection", "height_m", value=18)
     refused = demo.post("/api/edits", 409, revision=stale, edits=[{"op": "unset", "path": ["inspection"]}])
@@ -68,7 +68,7 @@ def test_a_tab_that_is_behind_is_told_and_given_the_newest(demo: Opened) -> None
     demo.post("/api/undo", revision=newest["revision"])
 
 
-def test_what_is_wrong_is_said_at_its_key_in_the_words_of_the_command_line(demo: Opened) -> None:
+def test_what_is_wrong_is_reported_at_its_key_in_the_words_of_the_command_line(demo: Opened) -> None:
     wrong = demo.edit(
         {"op": "set", "path": ["vehicle", 0, "budget_pct"], "value": 175},
         {"op": "set", "path": ["vehicle", 1, "sysid"], "value": "two"},
@@ -263,7 +263,7 @@ def test_what_a_killed_server_had_not_received_whole_is_removed_at_the_next_star
         assert {one.name for one in tmp_path.iterdir()} == {"line.kml", "film.mkv.part"}
 
 
-def test_a_plan_opens_the_site_beside_it_and_a_site_another_one(tmp_path: Path) -> None:
+def test_a_plan_opens_the_site_next_to_it_and_a_site_another_one(tmp_path: Path) -> None:
     make_demo_site(tmp_path)
     (tmp_path / "plan.json").write_text('{"format": "faultline-plan/2"}')
     shutil.copy(tmp_path / "site.toml", tmp_path / "other.toml")

@@ -76,7 +76,7 @@ def test_what_an_editor_writes_before_a_save_is_not_overwritten(site: Path) -> N
         assert said(site) == FIRST + "\n[inspection]\nheight_m = 20\n"
 
 
-def test_what_is_no_text_is_left_alone_and_said(site: Path) -> None:
+def test_what_is_no_text_is_left_alone_and_reported(site: Path) -> None:
     with SiteStore(site) as store:
         site.write_bytes(b"\xff\xfe")
         store.edit("height", height(20))
@@ -101,7 +101,7 @@ def test_a_site_that_is_missing_is_named(tmp_path: Path) -> None:
         pass
 
 
-def test_a_full_disk_is_said_and_nothing_is_lost(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_and_nothing_is_lost(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with SiteStore(site) as store:
         with monkeypatch.context() as patch:
             patch.setattr(os, "fsync", _raise_full)
@@ -122,7 +122,7 @@ def _raise_full(_: int) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_a_folder_that_cannot_be_written_to_is_said(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written_to_is_reported(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "mkdir", lambda *_, **__: _raise_full(0))
     with SiteStore(site) as store:
         assert "No space left" in (store.save_error or "")

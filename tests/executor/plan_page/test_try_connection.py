@@ -50,7 +50,7 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executor.plan_page.try_connection.MORE_S", 0.3)
 
 
-def test_a_vehicle_that_is_heard_is_described_and_sent_nothing() -> None:
+def test_an_answering_vehicle_is_described_and_sent_nothing() -> None:
     answer = asyncio.run(listen(list(frames(1, ARDUPILOT))))
     assert answer == {"answers": True, "words": "answers: ArduPilot 4.7.0, 98 %"}
 
@@ -66,7 +66,7 @@ def test_silence_and_others_are_no_answer(monkeypatch: pytest.MonkeyPatch) -> No
     assert answer == {"answers": False, "words": "no message was received from system 1 in 0.5 s"}
 
 
-def test_a_port_that_is_taken_is_said() -> None:
+def test_a_port_that_is_taken_is_reported() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         where = f"udpin://127.0.0.1:{other.getsockname()[1]}"

@@ -37,5 +37,5 @@ async def _one_after_another() -> None:
         worker.close()
 
 
-def test_a_worker_says_how_far_it_is_is_cancelled_and_made_anew_when_it_dies() -> None:
+def test_a_worker_reports_progress_is_cancelled_and_replaced_when_it_dies() -> None:
     asyncio.run(_one_after_another())

@@ -49,7 +49,7 @@ def test_a_fast_link_is_asked_again_soon() -> None:
     assert state.deadline_s == pytest.approx(100.26)
 
 
-def test_a_transfer_that_the_vehicle_has_ended_is_begun_anew() -> None:
+def test_a_transfer_that_the_vehicle_has_ended_is_started_again() -> None:
     """PX4 ends one with an error where a doubled question comes late, and answers no further question for an item."""
     state, _ = DownloadDialogue().begin(100.0)
     state, _ = state.on_message(MissionCount(3), 100.4)

@@ -59,7 +59,7 @@ def test_of_an_item_that_was_sent_twice_the_copy_that_can_have_arrived_is_the_me
     assert first.round_trip.mean_s == pytest.approx(0.4 + (0.85 - 0.4) / 8), "the first: it only took longer"
 
 
-def test_a_request_of_before_is_late_unless_it_goes_on() -> None:
+def test_an_earlier_request_is_late_unless_it_continues() -> None:
     state, _ = uploading().begin(100.0)
     state, _ = state.on_message(MissionRequest(0), 100.2)
     state, _ = state.on_message(MissionRequest(1), 100.4)

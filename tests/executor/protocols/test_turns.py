@@ -36,7 +36,7 @@ def test_where_answers_are_far_there_are_two_or_three() -> None:
     assert not is_next(SOON, [SOON, LATER], [100.0, 100.2], 100.5, 2)
 
 
-def test_it_is_looked_again_when_the_last_one_may_have_stalled() -> None:
+def test_it_is_checked_again_when_the_last_one_may_have_stalled() -> None:
     assert find_wait_s((), 100.0, 1) == 0.0
     assert find_wait_s((99.0, 99.5), 100.0, 1) == pytest.approx(STALLED_S - 0.5)
     assert find_wait_s((99.0, 99.5), 100.0, 2) == pytest.approx(STALLED_S - 1.0), "one of two is enough"

@@ -116,7 +116,7 @@ def test_a_fast_drain_is_found_before_5_percent(times: float, tmp_path: Path) ->
     assert (at_s - begins_s) * rate * (times - 1) < 5.0
 
 
-def test_a_percentage_that_is_estimated_anew_is_no_fault(tmp_path: Path) -> None:
+def test_a_percentage_that_is_estimated_again_is_no_fault(tmp_path: Path) -> None:
     writer = Writer()
     for second in range(300):
         writer.say(second + 0.1, 3, heartbeat())

@@ -139,7 +139,7 @@ def test_a_batterys_failsafe_is_the_batterys_and_hides_no_crash(tmp_path: Path) 
     assert any("by hand, or without a mission" in note for note in found.notes)
 
 
-def test_a_crash_is_said_after_the_motors_stopped(tmp_path: Path) -> None:
+def test_a_crash_is_reported_after_the_motors_stopped(tmp_path: Path) -> None:
     flight = Recorded(first=ALT_HOLD, mode=ALT_HOLD, falls_s=80.0, says=((81.5, 3, text("Crash: Disarming")),))
     assert kinds(flight.replayed(tmp_path)) == [("interruption", "crash")]
 
@@ -150,7 +150,7 @@ def test_what_was_said_before_a_flight_is_not_of_it(tmp_path: Path) -> None:
     assert kinds(flight.replayed(tmp_path)) == []
 
 
-def test_a_mission_that_is_taken_up_again_may_be_interrupted_again(tmp_path: Path) -> None:
+def test_a_resumed_mission_may_be_interrupted_again(tmp_path: Path) -> None:
     def beats(second: int) -> Any:
         away = 40 <= second < 60 or second >= 80
         return heartbeat(mode=RTL if away else AUTO, status=5 if away else 4)

@@ -120,7 +120,7 @@ def test_a_vehicle_is_asked_again_in_its_own_time() -> None:
 
 
 @pytest.mark.parametrize("for_s", [2.0, 60.0])
-def test_a_deadline_that_passed_in_a_stall_waits_for_what_was_said_meanwhile(for_s: float) -> None:
+def test_a_deadline_that_passed_in_a_stall_waits_for_queued_messages(for_s: float) -> None:
     async def asked() -> object:
         clock = LoopClock()
         link = FakeLink(FakeAutopilot(PX4), clock)
@@ -168,7 +168,7 @@ def test_a_heartbeat_is_waited_for_as_long_as_the_program_works() -> None:
     assert not run_virtual(lambda: waited(never))
 
 
-def test_what_a_flight_loses_is_said_once_in_a_while() -> None:
+def test_what_a_flight_loses_is_reported_once_in_a_while() -> None:
     async def said() -> list[str]:
         clock, lines = LoopClock(), []
         with awake(clock) as able:

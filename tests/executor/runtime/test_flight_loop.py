@@ -256,7 +256,7 @@ async def test_a_fault_while_the_solver_works_cancels_it() -> None:
     assert set(sky.state.coverage.inspected) == set(range(8))
 
 
-async def test_a_mistake_in_one_decision_ends_nobodys_supervision() -> None:
+async def test_an_error_in_one_decision_ends_no_supervision() -> None:
     async with flying(fleet_of()) as (sky, _):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
@@ -284,7 +284,7 @@ async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch
     assert set(sky.state.coverage.inspected) == set(range(6))
 
 
-async def test_a_solver_that_dies_of_our_mistake_is_asked_again_and_ends_nobodys_supervision() -> None:
+async def test_a_solver_that_dies_of_our_error_is_started_again_and_ends_no_supervision() -> None:
     class Mistaken(FakeSolver):
         async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
             if not self.asked:
@@ -363,7 +363,7 @@ async def test_our_heartbeat_keeps_the_vehicles_time(speedup: float) -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-async def test_a_vehicle_holds_and_goes_on_at_the_speed_of_its_leg(autopilot: str) -> None:
+async def test_a_vehicle_holds_and_continues_at_the_speed_of_its_leg(autopilot: str) -> None:
     async with flying(fleet_of(autopilot=autopilot)) as (sky, _):
 
         def ask(action: Action) -> IntentRecord:

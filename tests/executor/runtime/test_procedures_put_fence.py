@@ -79,7 +79,7 @@ async def test_an_interrupted_fence_upload_keeps_the_whole_old_fence(dialect: Di
 
 
 @DIALECTS
-async def test_nothing_is_said_to_a_vehicle_that_a_person_has(dialect: Dialect) -> None:
+async def test_no_command_to_a_vehicle_with_its_pilot(dialect: Dialect) -> None:
     board = Board(dialect)
     done = await board.put(wanted=False)
     assert (done.accepted, done.code) == (False, Ending.LEFT_MISSION)

@@ -213,7 +213,7 @@ async def test_a_transfer_that_another_station_left_is_outwaited(dialect: Dialec
 
 
 @DIALECTS
-async def test_a_transfer_that_never_ends_is_told_and_believed(dialect: Dialect) -> None:
+async def test_a_transfer_that_never_ends_is_reported_and_believed(dialect: Dialect) -> None:
     board = Board(dialect)
     board.vehicle.missions.other_until_s = float("inf")
     done = await board.put()

@@ -90,7 +90,7 @@ async def test_a_pack_that_holds_less_than_it_should_shrinks_the_sortie(autopilo
 
 
 @DIALECTS
-async def test_a_ground_station_that_dies_in_a_turnaround_asks_for_the_crews_word_again(autopilot: str) -> None:
+async def test_a_ground_station_that_dies_in_a_turnaround_asks_for_confirmation_again(autopilot: str) -> None:
     def under_way(world: World) -> bool:
         turn = world.state.vehicles["uav1"].turn
         return turn.asked_s is not None and turn.ready_s is None and len(turn.sorties) == 1

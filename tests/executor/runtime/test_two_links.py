@@ -121,7 +121,7 @@ def test_a_mission_is_on_board_soon_after_one_of_two_links_died_in_its_upload(
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
-def test_a_mission_file_goes_on_over_the_other_link(share: float) -> None:
+def test_a_mission_file_continues_over_the_other_link(share: float) -> None:
     """To ArduPilot a file is the same whichever link its parts come over."""
     old = route(ARDUPILOT, LEGS)
     new = old[:10] + tuple(
@@ -186,7 +186,7 @@ def test_each_link_is_asked_for_what_it_carries(dialect: Dialect) -> None:
 
 
 @DIALECTS
-def test_orders_and_questions_go_on_over_the_other_link(dialect: Dialect) -> None:
+def test_orders_and_questions_continue_over_the_other_link(dialect: Dialect) -> None:
     async def ask(sky: Sky) -> None:
         link, clock = sky.radio.end, sky.clock
         items = route(dialect, LEGS)
@@ -204,7 +204,7 @@ def test_orders_and_questions_go_on_over_the_other_link(dialect: Dialect) -> Non
     over_two_links(dialect, "sik,lte", ask)
 
 
-def test_the_crew_is_told_once_and_not_at_every_change() -> None:
+def test_the_crew_is_informed_once_and_not_at_every_change() -> None:
     said: list[tuple[float, Say]] = []
 
     async def lose(sky: Sky) -> None:

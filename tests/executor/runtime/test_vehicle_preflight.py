@@ -125,7 +125,7 @@ async def test_two_hundred_strangers_before_the_flight_are_a_few_lines() -> None
     assert len((await ready.interview()).stations) == MAX_SYSTEMS
 
 
-async def test_a_thousand_reasons_are_told_once_a_second() -> None:
+async def test_a_thousand_reasons_are_reported_once_a_second() -> None:
     ready = Ready(ARDUPILOT)
     for tenth in range(1000):
         ready.says(FAILING, tenth / 100)

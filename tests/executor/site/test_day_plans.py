@@ -193,7 +193,7 @@ def test_a_day_with_foreign_figures_is_refused(ground: SiteModel, day: DayPlanFi
     assert "finish_s is 1, its content gives" in refused(wrong, ground)
 
 
-def test_a_day_goes_on_with_what_another_one_left(ground: SiteModel) -> None:
+def test_a_day_continues_with_what_another_one_left(ground: SiteModel) -> None:
     left = (2, 7, 9)
     found = solve_day(build_day_problem(ground, left), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
     assert [segment.id for segment in found.segments] == list(left)

@@ -113,7 +113,7 @@ def _another_file(run: Path) -> None:
         (_another_file, f"{DOCUMENT}: photo, relief.file: expected "),
     ],
 )
-def test_damage_is_said_in_one_line(spoil: Callable[[Path], None], words: str, tmp_path: Path) -> None:
+def test_damage_is_reported_in_one_line(spoil: Callable[[Path], None], words: str, tmp_path: Path) -> None:
     write_ground(tmp_path, ground_about(PLACES_M, hills=Hills()), FRAME)
     spoil(tmp_path)
     with pytest.raises(LogError) as refusal:

@@ -31,7 +31,7 @@ def test_the_checklist_says_over_what_and_how_high() -> None:
     assert check.text.endswith(" m over the ground, RTL up to 115 m; ceiling 120 m")
 
 
-def test_flat_ground_is_said_to_be_taken_for_that() -> None:
+def test_assumed_flat_ground_is_reported() -> None:
     fleet = fleet_of()
     paths = [board.path for board in fleet.boards.values() if board is not None]
     assert mission_checks.check_flight_heights(fleet.context.setup, paths, ("look here",)) == [

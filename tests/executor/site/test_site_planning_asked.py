@@ -118,7 +118,7 @@ def test_the_checklist_shows_what_is_asked() -> None:
     assert "longest route" in lines[2].text
 
 
-def test_a_part_of_the_site_is_said_to_be_one() -> None:
+def test_a_part_of_the_site_is_reported_as_one() -> None:
     (warning,) = (line for line in build_plan_checks(PLAN, segments=9) if line.severity is Severity.WARNING)
     assert warning.text == "it is about 6 of the site's 9 segments; the others are not flown"
 

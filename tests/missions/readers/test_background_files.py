@@ -250,7 +250,7 @@ MALFORMED: dict[str, tuple[Callable[[Path], object], str]] = {
 
 
 @pytest.mark.parametrize("name", MALFORMED)
-def test_what_is_no_background_is_said_in_one_line_that_names_the_file(name: str, tmp_path: Path) -> None:
+def test_what_is_no_background_is_reported_in_one_line_that_names_the_file(name: str, tmp_path: Path) -> None:
     write, words = MALFORMED[name]
     write(tmp_path / name)
     with pytest.raises(BackgroundError) as refusal:

@@ -161,7 +161,7 @@ def lines_of(understood: NetworkImport) -> list[str]:
         {"osm_id": "7", "power": None, "highway": "track"}, {"power": "abandoned:line"}, {"power": "disused_line"},
     ],
 )  # fmt: skip
-def test_what_is_not_in_the_air_is_left_out_and_said(says: dict[str, object], tmp_path: Path) -> None:
+def test_what_is_not_in_the_air_is_left_out_and_reported(says: dict[str, object], tmp_path: Path) -> None:
     understood = read(tmp_path, document({"name": "V1"}, {"name": "V2", **says}))
     assert lines_of(understood) == ["V1"]
     assert [(one.matter, one.asset) for one in understood.found] == [(RemarkTopic.LEFT_OUT, "GeoJSON")]
@@ -204,7 +204,7 @@ def test_a_line_out_of_service_is_flown_where_the_filter_asks_for_it(tmp_path: P
         {"@id": "node/7", "natural": "tree"}, {"osm_id": "7", "other_tags": '"telephone"=>"pole"'},
     ],
 )  # fmt: skip
-def test_a_point_that_is_no_pole_is_left_out_and_said(says: dict[str, object], tmp_path: Path) -> None:
+def test_a_point_that_is_no_pole_is_left_out_and_reported(says: dict[str, object], tmp_path: Path) -> None:
     understood = read(tmp_path, document({"name": "V1"}, points=({"name": "T1"}, {"ref": "X", **says})))
     assert [pylon.id for pylon in understood.network.pylons] == ["T1", "P2"]
     left_out, made = understood.found
@@ -296,7 +296,7 @@ def test_what_an_editor_has_deleted_is_not_flown(tmp_path: Path) -> None:
     ]
 
 
-def test_where_nothing_remains_it_is_said_what_was_left_out(tmp_path: Path) -> None:
+def test_where_nothing_remains_the_omissions_are_reported(tmp_path: Path) -> None:
     with pytest.raises(NetworkError, match=r"neither lines nor poles; left out: 2 cables \(V1, V2\)$"):
         read(tmp_path, document({"name": "V1", "power": "cable"}, {"name": "V2", "power": "cable"}))
     with pytest.raises(NetworkError, match=r"found none; left out: 1 cable \(way 3\)$"):

@@ -68,7 +68,7 @@ def test_utf_8_needs_no_word_even_where_a_field_ends_within_a_letter(cpg: str | 
 @pytest.mark.parametrize(
     ("encoding", "name"), [("cp1252", "Fürth-Süd"), ("cp1250", "Žďár-Šíře"), ("cp1251", "Київ-Мир")]
 )
-def test_what_is_guessed_is_said(cpg: str | None, words: str, encoding: str, name: str, tmp_path: Path) -> None:
+def test_what_is_guessed_is_reported(cpg: str | None, words: str, encoding: str, name: str, tmp_path: Path) -> None:
     understood = import_network(written(tmp_path, encoding, cpg=cpg, name=name), anywhere=True)
     assert names_of(understood) == {name}
     text = words.format(encoding, ", ".join(map(repr, name.split("-"))))

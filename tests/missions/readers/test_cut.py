@@ -76,7 +76,7 @@ def test_names_do_not_hang_on_the_radius(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("depot", "hint"), [(DEPOT[:2], ""), (DEPOT[1::-1], "; latitude and longitude look swapped (GeoJSON has")]
 )
-def test_nothing_near_is_said_and_why_it_may_be(depot: tuple[float, float], hint: str, tmp_path: Path) -> None:
+def test_nothing_near_is_reported_and_why_it_may_be(depot: tuple[float, float], hint: str, tmp_path: Path) -> None:
     path = file_of(tmp_path, NEAR if hint else FAR)
     with pytest.raises(NetworkError) as caught:
         read_network(path, depot=(*depot, 400.0), radius_m=1000)
@@ -107,9 +107,7 @@ VOLTS = ("132 kV", "22 kV", "110000;22000", "400/220 kV", "high", "132 000 V", N
         ("volt = 132", [0]),
     ],
 )
-def test_figures_with_units_are_compared_and_what_cannot_be_is_said(
-    where: str, taken: list[int], tmp_path: Path
-) -> None:
+def test_figures_with_units_are_compared_and_others_are_reported(where: str, taken: list[int], tmp_path: Path) -> None:
     features = []
     for number, volt in enumerate(VOLTS):
         feature = line(f"L{number}", (49.6 + number / 100, 15.6), (49.6 + number / 100, 15.602))

@@ -98,7 +98,7 @@ def test_files_as_programs_leave_them_are_read(name: str, tmp_path: Path) -> Non
     assert understood.network.lengths_m == pytest.approx([144.6], abs=0.1)
 
 
-def test_what_an_altitude_is_above_is_said(tmp_path: Path) -> None:
+def test_what_an_altitude_is_above_is_reported(tmp_path: Path) -> None:
     """Kept where it is above sea level, for what contradicts it; never flown by."""
     path = tmp_path / "a.kml"
     for mode, third_m, words in (

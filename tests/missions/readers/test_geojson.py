@@ -101,7 +101,7 @@ def test_a_pylon_may_be_named_by_its_ref(tmp_path: Path) -> None:
     assert [pylon.id for pylon in network.pylons] == ["12", "B"]
 
 
-def test_a_depot_without_a_height_takes_that_of_the_file_beside_it(tmp_path: Path) -> None:
+def test_a_depot_without_a_height_takes_that_of_the_file_next_to_it(tmp_path: Path) -> None:
     path = geojson_file(tmp_path, depot_point(), *PYLONS, step("A", "B"))
     assert read_network(path, depot=(49.6001, 15.6, None)).depot == (49.6001, 15.6, 450.0)
     with pytest.raises(NetworkError, match=r"depot: expected its height above sea level, .*: alt_m of the site's"):
@@ -179,7 +179,7 @@ def test_a_depot_at_a_pole_in_the_file_is_named(tmp_path: Path) -> None:
         read_network(geojson_file(tmp_path, depot, *PYLONS, step("A", "B")))
 
 
-def test_a_line_that_ends_without_a_pylon_gets_one_and_it_is_said(tmp_path: Path) -> None:
+def test_a_line_that_ends_without_a_pylon_gets_one_and_it_is_reported(tmp_path: Path) -> None:
     path = geojson_file(tmp_path, depot_point(), *PYLONS, line((15.602, 49.601), (15.604, 49.60102), id="V1"))
     understood = import_network(path)
     assert [pylon.id for pylon in understood.network.pylons] == ["A", "P4"]

@@ -95,7 +95,7 @@ def test_two_circuits_on_the_same_towers_are_inspected_once() -> None:
     ]
 
 
-def test_lines_that_cross_without_a_pole_do_not_meet_and_it_is_said() -> None:
+def test_lines_that_cross_without_a_pole_do_not_meet_and_it_is_reported() -> None:
     found = built(line("V1", (0, 0), (200, 0)), line("V2", (100, -80), (100, 80)))
     assert len(found.segments) == 2
     (words,) = said(found, RemarkTopic.CROSSING)
@@ -137,7 +137,7 @@ def test_poles_beside_all_lines_are_left_out_with_how_far_they_are() -> None:
     assert [pair[1:] for pair in spans(built(*drawn, mending=MendingLimits(snap_m=3.1)))] == [("A", "C"), ("C", "B")]
 
 
-def test_poles_of_one_name_are_told_apart_by_their_lines() -> None:
+def test_poles_of_one_name_are_distinguished_by_their_lines() -> None:
     found = built(
         pole("1", 0, 0, "V1"), pole("2", 200, 0, "V1"), pole("1", 0, 300, "V2"), pole("2", 200, 300, "V2"),
         line("V1", (0, 0), (200, 0)), line("V2", (0, 300), (200, 300)),

@@ -24,7 +24,7 @@ def texts(understood: NetworkImport) -> list[str]:
     return [one.text for one in understood.found]
 
 
-def test_a_line_that_is_named_once_for_a_group_of_poles_goes_on(tmp_path: Path) -> None:
+def test_a_line_that_is_named_once_for_a_group_of_poles_continues(tmp_path: Path) -> None:
     understood = import_network(csv_of(tmp_path, HEADER, *POLES), anywhere=True)
     assert [segment.label for segment in understood.network.segments] == ["V1.1", "V1.2", "V2.1"]
     assert texts(understood) == ["3 rows without the name of their line: taken for that of the line above them"]
@@ -48,7 +48,7 @@ def test_what_the_group_says_of_its_line_is_true_of_all_its_poles_but_not_what_i
     assert left_out in texts(understood)
 
 
-def test_a_group_that_begins_anew_without_a_name_is_refused(tmp_path: Path) -> None:
+def test_a_group_that_starts_again_without_a_name_is_refused(tmp_path: Path) -> None:
     rows = [(*POLES[0],), (*POLES[1],), ("", 1, "X", 49.7, 15.6, "")]
     with pytest.raises(NetworkError, match="line 4: order: expected another than that of line 2, got 1 twice in line"):
         import_network(csv_of(tmp_path, HEADER, *rows), anywhere=True)
@@ -61,13 +61,13 @@ def test_what_excel_says_of_the_delimiter_is_no_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("title", ["Poles of V1, as of May\n", "Poles of V1\n\n;;;;;\nby: survey, 2026\n"])
-def test_a_title_above_the_columns_is_said_and_not_read(title: str, tmp_path: Path) -> None:
+def test_a_title_above_the_columns_is_reported_and_not_read(title: str, tmp_path: Path) -> None:
     understood = import_network(csv_of(tmp_path, HEADER, *POLES, before=title), anywhere=True)
     assert len(understood.network.segments) == 3
     assert texts(understood)[0].endswith(f"above the names of the columns, {title.splitlines()[0]!r}: not read")
 
 
-def test_a_last_line_that_may_be_cut_off_is_said_first(tmp_path: Path) -> None:
+def test_a_last_line_that_may_be_cut_off_is_reported_first(tmp_path: Path) -> None:
     header, rows = HEADER[:5], [row[:5] for row in POLES[:3]]
     whole = import_network(csv_of(tmp_path, header, *rows), anywhere=True)
     assert whole.found[0].matter.value == "the file itself"

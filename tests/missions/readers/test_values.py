@@ -96,7 +96,7 @@ def test_what_is_no_latitude_is_none(text: str) -> None:
         ("30'6\"", 9.2964), ("410 m n. m.", 410.0), ("1 345 m a.s.l.", 1345.0), ("0,41 km", 410.0), ("30", 30.0),
     ],
 )  # fmt: skip
-def test_heights_have_their_unit_beside_them(text: str, metres: float) -> None:
+def test_heights_have_their_unit_next_to_them(text: str, metres: float) -> None:
     assert metres_of(text) == pytest.approx(metres)
     assert metres_of("30 yards") is None
     assert metres_of("1,345 m") is None

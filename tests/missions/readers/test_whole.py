@@ -95,7 +95,7 @@ def test_a_whole_answer_is_read(more: dict[str, object], tmp_path: Path) -> None
     assert lines(read(tmp_path / "a.json", collection(**more))) == ["V1"]
 
 
-def test_what_else_a_server_remarks_is_said(tmp_path: Path) -> None:
+def test_what_else_a_server_remarks_is_reported(tmp_path: Path) -> None:
     remark = "<remark>runtime remark: Timeout is 180 and maxsize is 536870912</remark>"
     assert said_first(read(tmp_path / "a.osm", OSM.format(remark))).startswith("the server remarks: runtime")
 
@@ -133,7 +133,7 @@ def test_what_a_program_has_not_saved_yet_is_not_read(project: Path, tmp_path: P
         assert lines(import_network(project, anywhere=True)) == sorted(same.LINES)
 
 
-def test_a_copy_without_its_wal_is_said_first(project: Path, tmp_path: Path) -> None:
+def test_a_copy_without_its_wal_is_reported_first(project: Path, tmp_path: Path) -> None:
     with closing(edited(project, "WAL")) as program:
         program.execute("COMMIT")
         copy = tmp_path / "copy.gpkg"
@@ -163,7 +163,7 @@ def zipped(files: dict[str, str | bytes]) -> bytes:
 
 
 @pytest.mark.parametrize("first", ["a.kml", "doc.kml"])
-def test_all_kml_files_of_an_archive_are_read_and_said(first: str, tmp_path: Path) -> None:
+def test_all_kml_files_of_an_archive_are_read_and_reported(first: str, tmp_path: Path) -> None:
     content = zipped({"z/b.kml": kml("V2"), first: kml("V1", link("z/b.kml"))})
     understood = read(tmp_path / "a.kmz", content)
     assert lines(understood) == ["V1", "V2"]
@@ -172,12 +172,12 @@ def test_all_kml_files_of_an_archive_are_read_and_said(first: str, tmp_path: Pat
     ]
 
 
-def test_a_link_to_elsewhere_is_said_first(tmp_path: Path) -> None:
+def test_a_link_to_elsewhere_is_reported_first(tmp_path: Path) -> None:
     understood = read(tmp_path / "a.kmz", zipped({"doc.kml": kml("V1", link("https://example.org/b.kml"))}))
     assert said_first(understood) == "a link to another file: not followed"
 
 
-def test_what_else_may_hold_lines_in_an_archive_is_said(tmp_path: Path) -> None:
+def test_what_else_may_hold_lines_in_an_archive_is_reported(tmp_path: Path) -> None:
     understood = read(tmp_path / "a.kmz", zipped({"doc.kml": kml("V1"), "old/b.gpx": "", "readme.txt": ""}))
     assert said_first(understood) == "also in the archive, and not read: 'old/b.gpx'"
     with pytest.raises(NetworkError, match=r"found none but 'b\.geojson': unpack it"):

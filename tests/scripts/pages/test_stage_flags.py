@@ -137,7 +137,7 @@ def test_a_vehicle_out_of_the_plan_is_not_included_for_a_hold(out: dict[str, obj
     assert flight.vehicle("uav1").stage is Stage.PILOT
 
 
-def test_what_every_message_makes_anew_keeps_the_rest() -> None:
+def test_put_replaces_one_vehicle_and_keeps_the_rest() -> None:
     """It names every field itself: one that is new must not be forgotten."""
     parts: dict[str, Any] = {one.name: object() for one in fields(FleetState)} | {"vehicles": {}}
     vehicle, fleet = VehicleState("uav1"), FleetState(**parts)

@@ -90,7 +90,7 @@ def test_settings_that_matter(tmp_path: Path) -> None:
     assert told(file, VehicleSetting) == [VehicleSetting(*one) for one in names.items()]
 
 
-def test_a_switch_is_told_at_once(tmp_path: Path) -> None:
+def test_a_switch_is_reported_at_once(tmp_path: Path) -> None:
     at_usec = range(SECOND, 3 * SECOND, SECOND // 10)
     rows = [
         (*RCIN, now, 1100 + now // 10_000, *[1500] * 3, 1100 if now < 2 * SECOND else 1900, *[0] * 9) for now in at_usec

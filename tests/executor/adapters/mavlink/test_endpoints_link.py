@@ -263,7 +263,7 @@ def test_the_share_that_is_lost_is_the_autopilots_own() -> None:
     assert [one for one in heard if isinstance(one, Traffic)] == [Traffic(101, 100, sum(map(len, logged.frames)))]
 
 
-def test_bytes_both_ways_are_told_with_every_fifth_heartbeat() -> None:
+def test_bytes_both_ways_are_reported_with_every_fifth_heartbeat() -> None:
     behind, link, heard = link_of()
     vehicle = Vehicle()
     for _ in range(10):
@@ -320,7 +320,7 @@ def test_before_the_vehicle_is_known_there_is_nowhere_to_send_to() -> None:
     assert log.frames == []
 
 
-def test_vehicles_on_one_port_are_told_apart_and_answered_where_each_calls_from() -> None:
+def test_vehicles_on_one_port_are_distinguished_and_answered_where_each_calls_from() -> None:
     behind = Behind(7, 8)
     sent: dict[int, list[bytes]] = {7: [], 8: []}
     for sysid in (7, 8):

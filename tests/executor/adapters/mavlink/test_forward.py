@@ -161,7 +161,7 @@ def test_a_mode_of_px4_is_read_as_px4_has_it() -> None:
         (mav.MAVLink_command_long_message(7, 1, 60001, 0, *[0.0] * 7), "sends command 60001"),
     ],
 )
-def test_the_crew_is_told_what_a_station_changes(act: Any, words: str) -> None:
+def test_the_crew_is_informed_about_changes_by_a_station(act: Any, words: str) -> None:
     sky = Sky()
     station = Station(sky)
     for _ in range(5):  # it asks again until it is answered
@@ -348,7 +348,7 @@ def test_what_we_call_is_one_station_however_it_answers() -> None:
     assert (len(station.heard), answers) == (1, [])
 
 
-def test_a_port_that_is_lost_and_back_is_told() -> None:
+def test_a_port_that_is_lost_and_back_is_reported() -> None:
     sky = Sky()
     station = Station(sky, connection="tcpout://127.0.0.1:5760")
     station.port.connect_all(station.write)

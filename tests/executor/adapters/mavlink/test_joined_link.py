@@ -138,7 +138,7 @@ def test_the_newest_position_counts_whichever_link_it_comes_over(both: Both) -> 
     assert len(both.of(Position)) == 6
 
 
-def test_two_vehicles_with_one_number_on_one_of_the_links_are_told(both: Both) -> None:
+def test_two_vehicles_with_one_number_on_one_of_the_links_are_reported(both: Both) -> None:
     """Their clocks are apart, so that neither is taken for a late copy of the other, whatever comes over LTE."""
     other = Vehicle()
     for step in range(12):
@@ -292,7 +292,7 @@ async def test_a_serial_radio_that_is_unplugged_is_replaced_by_the_other_link_un
 
 
 @pytest.mark.asyncio
-async def test_a_device_that_is_not_there_is_named_unless_a_flight_is_taken_up() -> None:
+async def test_a_missing_device_is_named_unless_a_flight_is_resumed() -> None:
     other = LinkRequest(parse_connection(f"udpin://127.0.0.1:{free_port()}"), 7)
     order = LinkRequest(parse_connection("serial:///dev/nothing:57600"), 7, more=(other,))
     with pytest.raises(ConnectionFailed, match=r"^serial:///dev/nothing:57600: cannot be opened: No such file"):

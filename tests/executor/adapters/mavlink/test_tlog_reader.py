@@ -101,7 +101,7 @@ def test_every_record_comes_where_all_are_wanted(tmp_path: Path) -> None:
     assert sum(isinstance(one, Battery) for _, _, one in usual) < 20
 
 
-def test_cells_are_told_apart_where_the_vehicle_does(tmp_path: Path) -> None:
+def test_cell_voltages_are_read_where_the_vehicle_reports_them(tmp_path: Path) -> None:
     cells = mav.MAVLink_battery_status_message(0, 0, 0, 32767, [4000, 3900, 3800, *[65535] * 7], 0, 0, -1, 50, 0, 1)
     records, _ = read(written(tmp_path, heartbeat(), cells, battery(50, 11.7)))
     first, second = (said for _, _, said in records if isinstance(said, Battery))
@@ -282,7 +282,7 @@ def test_parameters_are_settings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("older", [True, False])
-def test_a_switch_is_told_at_once(older: bool, tmp_path: Path) -> None:
+def test_a_switch_is_reported_at_once(older: bool, tmp_path: Path) -> None:
     writer = Writer()
     writer.say(0.0, 7, heartbeat())
     for tenth in range(1, 15):
@@ -301,7 +301,7 @@ def test_a_switch_is_told_at_once(older: bool, tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_steep_attitude_is_told(tmp_path: Path) -> None:
+def test_a_steep_attitude_is_reported(tmp_path: Path) -> None:
     writer = Writer()
     writer.say(0.0, 7, heartbeat())
     for half in range(1, 9):

@@ -50,7 +50,7 @@ def test_a_log_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_log_that_has_grown_large_goes_on_in_the_next_part(tmp_path: Path) -> None:
+def test_a_log_that_has_grown_large_continues_in_the_next_part(tmp_path: Path) -> None:
     log = TelemetryLog(tmp_path / "uav1.tlog", lambda: BEGAN_USEC, most_bytes=30)
     for _ in range(7):
         log.write(b"frame")

@@ -105,7 +105,7 @@ async def test_what_waits_is_sent_and_what_comes_is_taken(kind: str, tmp_path: P
     assert here.said == [f"mqtt: connected to 127.0.0.1:{broker.port}"]
 
 
-async def test_what_the_broker_held_is_told_apart(tmp_path: Path) -> None:
+async def test_what_the_broker_held_is_distinguished(tmp_path: Path) -> None:
     async with running(KIND, tmp_path / "broker") as broker:
         async with aiomqtt.Client("127.0.0.1", broker.port) as other:
             await other.publish("t/orders", b"old", qos=1, retain=True)

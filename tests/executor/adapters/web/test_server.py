@@ -326,7 +326,7 @@ def test_a_port_that_is_taken_is_named(open_one: Beside) -> None:
         pass
 
 
-def test_a_flight_that_does_not_decide_is_said() -> None:
+def test_a_flight_that_does_not_decide_is_reported() -> None:
     beside = Beside(decides=False)
     with beside.server, beside.client() as client:
         answer = client.post("/intents", json=HOLD)
@@ -372,7 +372,7 @@ async def test_a_slow_browser_gets_the_newest_state_and_is_then_disconnected() -
     assert newest.streams == {}
 
 
-def test_the_last_state_is_read_while_the_flight_goes_on() -> None:
+def test_the_last_state_is_read_while_the_flight_continues() -> None:
     """Reading goes on in another thread: the flight's own work never waits for it."""
     with serving() as beside, beside.client() as client:
         until_s = time.monotonic() + 1.0
@@ -412,7 +412,7 @@ def test_a_stream_that_dies_is_begun_again_and_no_trace_is_shown(capfd: pytest.C
     assert capfd.readouterr().err == ""
 
 
-def test_a_request_that_dies_is_said_and_no_trace_is_shown(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_request_that_dies_is_reported_and_no_trace_is_shown(capfd: pytest.CaptureFixture[str]) -> None:
     class Wrong(Exception):
         pass
 

@@ -94,7 +94,7 @@ def test_the_map_of_a_plan_names_its_vehicles_and_draws_inspections_wide() -> No
     assert [line.get_linewidth() for line in routes] == [0.8, 2.8, 0.8, 2.8]
 
 
-def test_legends_lie_beside_the_maps(drawn: list[Figure]) -> None:
+def test_legends_lie_next_to_the_maps(drawn: list[Figure]) -> None:
     for figure in drawn:
         (legend,) = figure.legends
         inside = legend.get_window_extent()
@@ -249,7 +249,7 @@ def trade(longest_route_s: float, earliest_s: float, energy_pct: float) -> PlanF
     return replace(plan, routes=(route,), window=window)
 
 
-def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> None:
+def test_the_front_is_numbered_and_has_the_others_next_to_it(tmp_path: Path) -> None:
     figures = [(100.0 + 20 * number, 90.0 - 15 * number, 50.0 + number % 3) for number in range(6)]
     front, compared = [trade(*one) for one in figures], {"minmax": (100.0, 95.0, 55.0), "mincomb": (160.0, 80.0, 49.0)}
     figure = draw_front_figure(front, {name: trade(*one) for name, one in compared.items()})

@@ -52,7 +52,7 @@ def test_nothing_is_spent_before_the_first_report() -> None:
     assert draw_since_start_pct(BatteryState()) == 0.0
 
 
-def test_a_counter_that_began_anew_does_not_count() -> None:
+def test_a_counter_that_started_again_does_not_count() -> None:
     state, _ = flown(400, cut_off=False)
     state = account.apply_consumed_report(state, 0.01, 401.0)
     assert state.estimate is not None

@@ -74,7 +74,7 @@ def test_no_pack_lasts_for_seconds() -> None:
     assert state.charge.capacity_ah is None
 
 
-def test_a_second_flight_begins_anew_with_what_was_learned() -> None:
+def test_a_second_flight_starts_with_the_factor_learned_before() -> None:
     first = fed(BatteryState(), [90.0 - 0.08 * n for n in range(200)], from_s=0.0, ah_s=0.003)
     assert not account.is_blind(first)
     anew = account.rebase_account(first, 84.0, 1, 300.0, ANY)

@@ -72,7 +72,7 @@ def followed_by(*used: float, expected: float = 0.1) -> Drift:
     return drift
 
 
-def test_a_drain_goes_on_and_a_jump_does_not() -> None:
+def test_a_drain_continues_and_a_jump_does_not() -> None:
     assert is_drain(followed_by(*[0.5] * 10), 2.0, 8.0)
     assert not is_drain(followed_by(*[0.1] * 5, 4.0, *[0.1] * 5), 2.0, 8.0)
     assert not is_drain(followed_by(*[0.1] * 100), 2.0, 8.0)
@@ -317,7 +317,7 @@ def test_what_is_a_drain(excess: float, biggest: float, reports: int, *, drain: 
     assert is_drain(told, 2.0, 8.0) is drain
 
 
-def test_after_a_landing_everything_is_usual_anew() -> None:
+def test_a_landing_resets_the_usual_voltages() -> None:
     flown_v = volts(*[(12.0, 30.0)] * 30, (9.0, 30.0))
     assert flown_v.dropped_s is not None
     down = apply_voltage_report(flown_v, VoltageReport(9.0, 5.0), LIMITS, 31.0, flying=False)

@@ -111,7 +111,7 @@ def test_a_pack_that_has_just_been_flown_still_recovers() -> None:
     assert pack_condition.assess_pack(old, 3, NO_FACTS, 70.0, 61.0) is not None
 
 
-def test_without_a_current_nothing_is_said_in_flight() -> None:
+def test_without_a_current_nothing_is_reported_in_flight() -> None:
     flying = pack_condition.apply_pack_voltage(PackState(), 10.2, None, 70.0, 0.0, idle=False)
     assert pack_condition.assess_pack(flying, 3, NO_FACTS, 70.0, 0.0) is None
 

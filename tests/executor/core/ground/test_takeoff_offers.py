@@ -71,7 +71,7 @@ def test_vehicles_cleared_at_the_same_time_share_the_segments() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_vehicles_that_came_home_by_their_own_failsafe_do_not_take_off_again() -> None:
+def test_vehicles_that_returned_by_their_own_failsafe_do_not_take_off_again() -> None:
     flight = story(fleet_of(flight=ASK))
     flight.run(lambda: flight.inspecting("uav2", 2))
     for name in flight.crafts:

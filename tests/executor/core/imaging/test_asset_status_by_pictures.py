@@ -96,7 +96,7 @@ def test_nearer_pictures_that_lack_a_viewpoint_take_nothing_away() -> None:
 
 
 @pytest.mark.parametrize(("seen", "by"), [((1,), None), ((0, 1), "uav1")])
-def test_what_was_opened_meanwhile_counts_by_what_nearer_pictures_show(seen: tuple[int, ...], by: str | None) -> None:
+def test_an_asset_reopened_in_the_meantime_counts_by_closer_pictures(seen: tuple[int, ...], by: str | None) -> None:
     """An operator asks for proof of what counts by evidence alone, while its nearer pictures are waited for."""
     context, state = around_again(*seen)
     state = replace(state, coverage=replace(state.coverage, inspected=MappingProxyType({})))

@@ -85,7 +85,7 @@ def test_a_name_stands_for_all_that_carry_it_and_are_not_open() -> None:
     assert dict(after.coverage.inspected) == {0: "uav1", 1: "uav1"}
 
 
-def test_what_waits_for_its_words_or_was_given_up_gets_its_tries_anew() -> None:
+def test_an_asset_waiting_for_pictures_or_given_up_gets_new_tries() -> None:
     state = flight_of(
         flying(),
         given_up=frozenset({3}),

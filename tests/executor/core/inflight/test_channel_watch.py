@@ -75,7 +75,7 @@ def asked(told: list[Any]) -> list[tuple[float, str]]:
     return [(at_s, one.vehicle) for at_s, one in told if isinstance(one, AskStreams)]
 
 
-def test_congestion_is_said_once_it_has_lasted_and_once_it_is_over() -> None:
+def test_congestion_is_reported_once_it_has_lasted_and_once_it_is_over() -> None:
     told, _ = fly([(5, 900.0, 90), (4, 900.0, 10), (20, 900.0, 90)])
     assert lines(told) == [], "shorter than a few seconds is none"
     told, _ = fly([(5, 900.0, 90), (7, 900.0, 10), (20, 900.0, 90)])
@@ -189,7 +189,7 @@ def test_a_vehicle_that_its_pilot_has_is_not_asked() -> None:
     assert asked(told) == []
 
 
-def test_a_weak_radio_is_said_and_nothing_is_thinned() -> None:
+def test_a_weak_radio_is_reported_and_nothing_is_thinned() -> None:
     context, state = context_of(), flight_of(flying(), vehicle(FLEET, "uav2", stage=Stage.FLYING, heard_s=NOW_S))
     told: list[Any] = []
     for second in range(1, 40):

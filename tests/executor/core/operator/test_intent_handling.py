@@ -26,7 +26,7 @@ def ends(flight: Story, record: IntentRecord) -> IntentRecord:
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_a_vehicle_holds_and_goes_on_where_it_was(autopilot: str) -> None:
+def test_a_vehicle_holds_and_resumes_where_it_stopped(autopilot: str) -> None:
     """It neither repeats nor skips a part of its segment, and nobody takes it for stuck, or for gone astray."""
     flight = under_way(fleet_of(autopilot=autopilot))
     held = flight.ask(Action.HOLD, "uav2")
@@ -160,7 +160,7 @@ def test_a_returned_vehicle_stays_on_the_ground() -> None:
     assert flight.solves()[0].trigger == "uav2: returns by the operator's order"
 
 
-def test_an_excluded_vehicle_is_lost_by_the_operators_word() -> None:
+def test_an_excluded_vehicle_is_out_of_the_plan_by_the_operator() -> None:
     flight = under_way()
     record = ends(flight, flight.ask(Action.EXCLUDE, "uav2"))
     assert record.outcome is Outcome.DONE
@@ -246,7 +246,7 @@ def test_a_vehicle_away_from_the_line_lands_where_it_is() -> None:
     assert flight.crafts["uav2"].place_m[1] == 60.0
 
 
-def test_everything_is_planned_anew_on_demand() -> None:
+def test_everything_is_planned_again_on_demand() -> None:
     flight = under_way()
     record = flight.ask(Action.REPLAN)
     assert record.outcome is Outcome.ACCEPTED

@@ -161,7 +161,7 @@ def test_an_unknown_terrain_following_mode_is_a_warning(dialect: Dialect, name: 
 
 
 @BOTH
-def test_figures_that_a_firmware_does_not_have_are_planned_with_and_said(dialect: Dialect) -> None:
+def test_figures_that_a_firmware_does_not_have_are_planned_with_and_reported(dialect: Dialect) -> None:
     name = dialect.tunings[0].parameter
     assert vehicle_checks.flight_times(said(dialect), dialect) == []
     [check] = vehicle_checks.flight_times(lacking(said(dialect), name), dialect)
@@ -179,7 +179,7 @@ def test_how_copter_4_7_flies_is_known_by_its_new_names(left_out: str | None) ->
     assert (check.severity, "WP_SPD was not read" in check.text) == (Severity.STOP, True)
 
 
-def test_ground_that_is_followed_is_said_by_the_name_on_board() -> None:
+def test_ground_that_is_followed_is_reported_by_the_name_on_board() -> None:
     [check] = vehicle_checks.check_terrain_following(said(WP_RFND_USE=2.0), ARDUPILOT)
     assert (check.severity, "WP_RFND_USE 2" in check.text) == (Severity.WARNING, True)
 

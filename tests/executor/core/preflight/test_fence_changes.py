@@ -124,7 +124,7 @@ def test_a_fence_of_others_that_the_flight_leaves_stops_it() -> None:
         assert severity is Severity.STOP
 
 
-def test_a_fence_of_others_that_holds_the_flight_or_is_off_is_said() -> None:
+def test_a_fence_of_others_that_holds_the_flight_or_is_off_is_reported() -> None:
     [(severity, text)] = found_on_board(context_of(), {FENCE: circle(2000.0), RALLY: ()})
     assert severity is Severity.OK
     assert text.endswith("and its flight fits into it; saved, and restored after the landing")
@@ -144,7 +144,7 @@ def test_an_unreadable_fence_stops_a_vehicle_that_needs_one() -> None:
     assert [one for one, _ in found_on_board(context_of(enabled=False), NOTHING)] == [Severity.WARNING] * 2
 
 
-def test_rally_points_of_others_are_said_where_they_stay() -> None:
+def test_rally_points_of_others_are_reported_where_they_stay() -> None:
     lat_deg, lon_deg = SHIPS["ardupilot"].context.frame.to_wgs84_deg(0.0, 500.0)
     far = (MissionItem(0, 3, PlaceCommand.RALLY_POINT, x=round(1e7 * lat_deg), y=round(1e7 * lon_deg)),)
     assert found_on_board(context_of(), {FENCE: (), RALLY: far}) == []

@@ -8,7 +8,7 @@ from missions import ARDUPILOT, PX4
 from tests.executor.core.preflight.test_vehicle_checks import link, said, waited_s
 
 
-def test_a_silent_vehicles_work_is_not_given_away_before_its_own_failsafe_acts() -> None:
+def test_a_lost_vehicles_segments_are_not_reassigned_before_its_failsafe_acts() -> None:
     slow = said(PX4, COM_DL_LOSS_T=30.0)
     assert waited_s(slow, PX4) == 37.0 + onboard_failsafes.LINK_MARGIN_S
     assert waited_s(slow, PX4, 12.0) == 37.0 + onboard_failsafes.LINK_MARGIN_S

@@ -34,7 +34,7 @@ def path_with(trigger: Trigger | None) -> FlightPath:
     (PX4, 0.0, Severity.WARNING, f"TRIG_MODE 0: {BY_DISTANCE}; expected {WITHOUT}"),
     (PX4, None, Severity.WARNING, f"does not say TRIG_MODE: {BY_DISTANCE}; expected {WITHOUT}"),
 ])  # fmt: skip
-def test_the_crew_is_told_before_a_flight_that_would_see_nothing(
+def test_the_crew_is_informed_before_a_flight_that_would_see_nothing(
     dialect: Dialect, value: float | None, severity: Severity, text: str
 ) -> None:
     facts = said(dialect, **({} if value is None else {dialect.shutter.parameter: value}))
@@ -43,7 +43,7 @@ def test_the_crew_is_told_before_a_flight_that_would_see_nothing(
 
 
 @pytest.mark.parametrize("trigger", [None, Trigger.INTERVAL, Trigger.VIDEO])
-def test_nothing_is_said_of_what_px4_passes_on_to_the_camera(trigger: Trigger | None) -> None:
+def test_nothing_is_reported_of_what_px4_passes_on_to_the_camera(trigger: Trigger | None) -> None:
     assert vehicle_checks.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, path_with(trigger)) == []
     assert vehicle_checks.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, None) == []
 

@@ -27,7 +27,7 @@ from tests.terrain_judge import case_of
     (PX4, {"MPC_ALT_MODE": 1.0}, Severity.OK,
      "its missions and its RTL do not follow terrain (MPC_ALT_MODE 1 does so in the pilot's modes)"),
 ])  # fmt: skip
-def test_the_crew_is_told_where_an_autopilot_follows_the_ground_by_itself(
+def test_the_crew_is_informed_of_terrain_following(
     dialect: object, changes: dict[str, float], severity: Severity, text: str
 ) -> None:
     known = ARDUPILOT if dialect is ARDUPILOT else PX4

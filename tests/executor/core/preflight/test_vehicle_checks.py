@@ -199,7 +199,7 @@ def test_a_failsafe_that_waits_for_our_own_number_watches_us_whichever_it_is() -
 PORTS = [parse_connection(text) for text in ("udpout://127.0.0.1:14550", "tcpin://0.0.0.0:5760")]
 
 
-def test_without_a_port_for_other_stations_nothing_is_said_of_them() -> None:
+def test_without_a_port_for_other_stations_nothing_is_reported_of_them() -> None:
     assert checks.check_forwarding([said(PX4)], [], allow_orders=False, signed=False) == []
 
 

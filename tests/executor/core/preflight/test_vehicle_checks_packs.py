@@ -45,7 +45,9 @@ def test_a_pack_that_is_emptier_than_it_counts() -> None:
         (replace(FACTS, cells=3), None),
     ],
 )
-def test_cells_are_said_by_a_parameter_or_the_site_or_itself(facts: VehicleFacts, site: PackFacts | None) -> None:
+def test_the_cell_count_comes_from_a_parameter_the_site_or_the_voltage(
+    facts: VehicleFacts, site: PackFacts | None
+) -> None:
     text = "its pack rests at 3.70 V a cell, about 12 %, and reports 76 % (3 cells)"
     assert said(facts, site) == [(Severity.WARNING, text)]
 
@@ -98,7 +100,7 @@ def of_history(known: PackHistory | None, budget_pct: float, reserve_pct: float,
     return [(one.severity, one.text) for one in vehicle_checks.check_pack(context, SOUND)[:-1]]
 
 
-def test_a_worn_pack_is_told_with_what_is_reckoned_with_for_it() -> None:
+def test_a_worn_pack_is_reported_with_what_is_reckoned_with_for_it() -> None:
     text = (
         "its pack A7 has 3.5 Ah, 70 % of the plan's 5 Ah and 24 mOhm, by 4 flights: budget 55 %, "
         "empty at 30 % of the counted capacity"

@@ -253,7 +253,7 @@ def test_the_crew_is_asked_and_its_yes_is_what_starts_one() -> None:
     assert (upload.vehicle, upload.airborne, state.progress.finished) == ("uav3", False, False)
 
 
-def test_without_a_yes_the_flight_ends_and_everything_goes_on_counting() -> None:
+def test_without_confirmation_the_flight_ends_and_everything_still_counts() -> None:
     chosen = replace(CONTEXTS[False], fly_again=RelaunchPolicy.ASK, offer_s=20.0)
     state, sent = ticked(chosen, all_landed(chosen), NOW_S, NOW_S + 30.0)
     assert uploads(sent) == []

@@ -18,7 +18,7 @@ from tests.fakes.flight import Story
 from tests.fakes.solver import fail, leave_out, share_out
 
 
-def test_a_fault_while_solving_cancels_and_plans_anew() -> None:
+def test_a_fault_while_solving_cancels_and_plans_again() -> None:
     flight = under_way(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9))
     flight.solve_s = 5.0
     flight.crafts["uav2"].mute = True
@@ -46,7 +46,7 @@ def test_an_answer_to_an_older_question_is_dropped() -> None:
     assert flight.state == before
 
 
-def test_an_answer_that_comes_too_late_is_planned_anew() -> None:
+def test_an_answer_that_comes_too_late_is_planned_again() -> None:
     """uav3 passed what the solver had taken for its last kept waypoint: its path cannot be cut there any more."""
     flight = under_way()
     flight.crafts["uav2"].mute = True

@@ -77,7 +77,7 @@ def test_a_re_plan_is_offered_it_beside_what_it_is_for() -> None:
     assert (row.longest_route_s, row.carried_route_s, row.over_budget) == (100.4, 80.0, ())
 
 
-def test_what_was_taken_up_is_no_reason_for_a_re_plan_either() -> None:
+def test_segments_taken_over_are_no_reason_for_a_re_plan_either() -> None:
     flight = lost()
     flight.run(lambda: replan_cycle.find_left_over_segments(flight.state) == {7})
     (name,) = [one.name for one in flight.state.mission_vehicles() if 12 in one.remaining_visits()]

@@ -53,7 +53,7 @@ def test_what_another_one_alone_flies_is_kept_for_it(uav2: dict[str, Any]) -> No
     [{"fault": BATTERY_FAULT}, {"excluded": True}, {"stage": Stage.LOST}, {"stage": Stage.DOWN},
      {"stage": Stage.RETURNING}, {"stage": Stage.PILOT, "taken": Takeover(NOW_S - 90.0, given_away=True)}],
 )  # fmt: skip
-def test_it_is_anybodys_once_that_one_is_gone(uav2: dict[str, Any]) -> None:
+def test_it_is_open_to_all_once_that_vehicle_is_gone(uav2: dict[str, Any]) -> None:
     assert barred(**uav2) == {4}
 
 

@@ -73,7 +73,7 @@ def test_a_vehicle_that_returned_by_its_failsafe_is_not_at_fault() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
-def test_an_upload_that_falls_into_the_silence_is_nobodys_refusal() -> None:
+def test_an_upload_during_the_link_gap_is_no_refusal() -> None:
     flight = under_way()
     flight.upload_s = 6.0
     flight.crafts["uav2"].mute = True

@@ -157,7 +157,7 @@ def test_what_of_a_stop_is_over_no_place_tells(autopilot: str, stop_s: float) ->
     assert counted(1.1).why_not
 
 
-def test_a_clock_that_began_anew_proves_nothing() -> None:
+def test_a_clock_that_started_again_proves_nothing() -> None:
     way = way_s(*TRANSIT, *HOME)
     assert found(TRANSIT, HOME, -way).why_not == "its clock was reset"
     assert found(TRANSIT, HOME, -way + 0.1).why_not.startswith("it took 0 s")

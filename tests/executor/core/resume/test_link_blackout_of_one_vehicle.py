@@ -165,7 +165,7 @@ def test_another_mode_during_the_gap_proves_nothing() -> None:
     )
 
 
-def test_a_vehicle_that_its_pilot_took_meanwhile_proves_nothing_and_is_told_nothing() -> None:
+def test_a_vehicle_taken_by_its_pilot_in_the_meantime_proves_nothing_and_is_not_commanded() -> None:
     flight = patient()
     flight.crafts["uav2"].mute = True
     flight.pass_s(20.0)

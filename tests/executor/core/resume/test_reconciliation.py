@@ -49,7 +49,7 @@ def killed(flight: Story, away_s: float) -> None:
 
 
 @pytest.mark.parametrize(("away_s", "autopilot"), [(0.0, "ardupilot"), (8.0, "px4"), (40.0, "ardupilot")])
-def test_what_was_flown_meanwhile_is_not_flown_again(away_s: float, autopilot: str) -> None:
+def test_segments_flown_in_the_meantime_are_not_flown_again(away_s: float, autopilot: str) -> None:
     flight = under_way(fleet_of(autopilot=autopilot))
     killed(flight, away_s)
     flight.finish()
@@ -172,7 +172,7 @@ def lost_and_solved(autopilot: str = "ardupilot") -> Story:
     return flight
 
 
-def test_a_re_plan_that_was_being_solved_is_solved_anew() -> None:
+def test_a_re_plan_that_was_being_solved_is_solved_again() -> None:
     flight = under_way()
     flight.solve_s = 30.0
     flight.crafts["uav2"].mute = True

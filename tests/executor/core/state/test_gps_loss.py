@@ -109,7 +109,7 @@ def test_an_estimator_that_has_not_begun_to_use_gps_has_none_to_lose() -> None:
     assert heard((NOW_S + 10.0, NONE), state=ready).sensors.positioning.lost_s == NOW_S + 10.0
 
 
-def test_a_wreck_keeps_its_last_fix_when_its_estimator_begins_anew() -> None:
+def test_a_wreck_keeps_its_last_fix_when_its_estimator_starts_again() -> None:
     down = lost_for(60.0)
     wreck = replace(down, telemetry=replace(down.telemetry, heartbeat=DISARMED))
     known = heard((NOW_S + 61.0, DRIFTING), state=replace(wreck, sortie=replace(wreck.sortie, took_off=False)))
@@ -151,7 +151,7 @@ def test_what_it_reckons_is_worth_less_with_every_second() -> None:
     assert off_m[-1] > 400.0
 
 
-def test_programs_are_told_the_same() -> None:
+def test_programs_get_the_same_answer() -> None:
     told = position_view(CONTEXT, lost_for(60.0), NOW_S + 61.0)
     assert told is not None
     assert (told.known, told.accuracy_m, told.age_s) == ("reckoned", 451.8, 1.0)
@@ -168,7 +168,7 @@ def test_it_is_not_taken_to_stand_on_its_pad_by_what_it_reckons() -> None:
     assert not is_over_pad(CONTEXT, heard(*LOST, (NOW_S + 30.0, None), state=on_pad))
 
 
-def test_the_loss_is_said_with_the_last_fix() -> None:
+def test_the_loss_is_reported_with_the_last_fix() -> None:
     view = WatchView(CONTEXT, SETUP, lost_for(2.0), False, NOW_S + 2.0)
     assert gps_lost(view) == (
         "GPS lost (no GPS fix): position is dead-reckoned from now on; "
@@ -202,7 +202,7 @@ def lose_gps(flight: Story, seconds: float) -> None:
     flight.happen(Heard("uav2", GOOD))
 
 
-def test_a_segment_that_is_flown_without_a_fix_stays_open_and_is_said() -> None:
+def test_a_segment_that_is_flown_without_a_fix_stays_open_and_is_reported() -> None:
     flight = on_a_segment()
     done = len(flight.state.coverage.inspected)
     flight.happen(Heard("uav2", NONE))

@@ -144,12 +144,12 @@ RAMP_S = 10.0 / 2.5 + 0.3 + 2.5 / 1.0
     ],
     ids=["level", "from above", "climbs first", "over its pad", "on it"],
 )  # fmt: skip
-def test_the_way_home_is_flown_as_its_autopilot_does(east_m: float, up_m: float, expected: float) -> None:
+def test_the_return_is_flown_as_its_autopilot_does(east_m: float, up_m: float, expected: float) -> None:
     state = flying(fix=at(east_m=east_m, up_m=up_m))
     assert energy_to_return_pct(CONTEXT, state, SETUP) == pytest.approx(expected, rel=1e-3)
 
 
-def test_no_place_no_way_home() -> None:
+def test_no_position_no_return() -> None:
     assert energy_to_return_pct(CONTEXT, flying(fix=None), SETUP) is None
 
 
@@ -188,7 +188,7 @@ def test_a_return_in_simulation_uses_what_was_said(kind: AutopilotKind, home_m_s
     assert said_pct == pytest.approx(began_pct - frame.battery.charge_pct, rel=0.03)
 
 
-def test_where_no_mission_is_known_it_is_the_way_home_that_counts() -> None:
+def test_where_no_mission_is_known_it_is_the_return_that_counts() -> None:
     for state in (with_facts(thirsty(1.0), board=None), replace(thirsty(1.0), stage=Stage.RETURNING)):
         ahead, home_pct = (
             project_landing(CONTEXT, state, SETUP),

@@ -54,7 +54,7 @@ def test_what_the_battery_gave_is_known_beside_the_time() -> None:
     assert last.given_pct == pytest.approx(100.0 - flight.crafts["uav1"].battery_pct, abs=0.6)
 
 
-def test_a_replan_goes_on_where_the_mission_before_it_was() -> None:
+def test_a_re_plan_continues_where_the_mission_before_it_was() -> None:
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.finish()
@@ -97,7 +97,7 @@ def test_of_unobserved_legs_only_the_ends_are_known() -> None:
     assert state.assignment.leg_began.at_s == 60.0
 
 
-def test_a_mission_that_begins_anew_ends_no_leg() -> None:
+def test_a_mission_that_starts_again_ends_no_leg() -> None:
     before = at(in_the_air(), 4)
     state = track_legs(before, at(before, 2), 60.0)
     assert state.assignment.flown == ()
@@ -105,14 +105,14 @@ def test_a_mission_that_begins_anew_ends_no_leg() -> None:
     assert state.assignment.leg_began.at_s == 60.0
 
 
-def test_one_that_comes_home_by_itself_ends_no_leg() -> None:
+def test_one_that_returns_by_its_failsafe_ends_no_leg() -> None:
     before = at(in_the_air(), 4)
     home = replace(before, stage=Stage.RETURNING)
     assert track_legs(home, at(home, 5), 60.0) == at(home, 5)
     assert end_landing_leg(home, 70.0) == home
 
 
-def test_the_climb_begins_with_the_motors_and_anew_if_they_stopped_before_it() -> None:
+def test_the_climb_begins_with_the_motors_and_again_after_a_stop() -> None:
     stands = vehicle(FLEET, stage=Stage.FLYING)
     armed = with_facts(stands, heartbeat=beat())
     runs = track_legs(stands, armed, 3.0)

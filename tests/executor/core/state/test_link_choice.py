@@ -80,7 +80,7 @@ def test_orders_return_to_the_preferred_link_once_it_has_been_as_good_for_a_whil
         assert choice.used == (0 if returns and second >= PREFERRED_S else 1)
 
 
-def test_a_mission_that_is_under_way_is_not_begun_anew_for_a_better_link() -> None:
+def test_an_upload_under_way_is_not_restarted_for_a_better_link() -> None:
     choice = choose_link(LinkChoice(), (RADIO, LTE), NOW_S)
     links = tuple(replace(link, heard_s=NOW_S + 60.0) for link in (RADIO, LTE))
     assert choose_link(choice, links, NOW_S + 60.0, transfers=True).used == 0

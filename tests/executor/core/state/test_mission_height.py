@@ -133,7 +133,7 @@ def test_the_items_of_a_log_are_put_together() -> None:
     assert [one.seq for one in add_onboard_item(own, item(0)).listed] == [0], "another mission begins"
 
 
-def test_what_a_speed_is_told_leads_nowhere() -> None:
+def test_a_speed_command_leads_nowhere() -> None:
     own = OwnMission(listed=(item(0), item(1), item(2, command=178), item(3)), leads_to=1)
     assert record_current_item(own, 2, FROM) == own
     assert record_current_item(own, 1, FROM) == own

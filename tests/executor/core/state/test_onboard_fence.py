@@ -122,7 +122,7 @@ def test_which_fence_is_on_board_after_an_upload(event: UploadEnded, fence: Fenc
     assert one.assignment.stubborn is not event.accepted
 
 
-def test_a_flight_taken_up_between_the_two_sends_the_fence_again_before_the_mission() -> None:
+def test_a_flight_resumed_between_the_two_sends_the_fence_again_before_the_mission() -> None:
     one = fenced()
     offer = offer_of()
     plan = plan_of(offer, missions={"uav1": MISSION}, pending=frozenset({"uav1"}), solve_s=0.5)
@@ -194,7 +194,7 @@ def test_the_fence_names_the_reason_before_the_mode_does() -> None:
         ("Fence breach cleared", False),
     ],
 )
-def test_what_is_said_of_an_upload_is_no_breach(text: str, means: bool) -> None:
+def test_a_text_about_an_upload_is_no_breach(text: str, means: bool) -> None:
     before = flight_of(fenced(), SECOND)
     heard = fleet_step.step(CONTEXT, before, Heard("uav1", StatusText(2, text)), NOW_S)[0].vehicles["uav1"]
     assert any(one.what == "fence" for one, _ in heard.evidence.failed) is means

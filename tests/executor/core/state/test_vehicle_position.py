@@ -76,7 +76,7 @@ def test_a_disarmed_vehicle_lies_at_its_reported_position(state: VehicleState, *
     assert is_at_rest(state, NOW_S) is rests
 
 
-def test_whether_it_is_armed_is_said_where_that_is_known() -> None:
+def test_whether_it_is_armed_is_reported_where_that_is_known() -> None:
     assert describe_unexpected_landing(CONTEXT, stood(), NOW_S) == f"does not move, down at {PLACE}, armed: keep away"
     unsaid = describe_unexpected_landing(CONTEXT, stood(heartbeat_s=NOW_S - 10.0), NOW_S)
     assert unsaid == f"does not move, down at {PLACE}; no HEARTBEAT says that it is disarmed: keep away"

@@ -239,7 +239,7 @@ def test_a_position_in_our_own_terms() -> None:
         (NOW_S - 1.0, 3.0, True, True),
     ],
 )
-def test_a_clock_that_goes_back_was_overtaken_or_began_anew(
+def test_a_clock_that_goes_back_was_overtaken_or_started_again(
     boot_s: float, heard_ago_s: float, *, taken: bool, rebooted: bool
 ) -> None:
     before = flying(fix=replace(at(), at_s=NOW_S - heard_ago_s))

@@ -65,7 +65,7 @@ def test_a_flood_of_critical_texts_is_bounded_too_and_takes_no_room_from_the_nex
     assert words.lines[IMPORTANT:] == [f"uav1: {1000 - IMPORTANT} more texts in 10 s", "uav1 says: one more"]
 
 
-def test_what_was_passed_over_is_shown_when_it_is_said_again() -> None:
+def test_a_text_left_out_is_shown_when_it_is_repeated() -> None:
     words = Words()
     words.say(*many(WARNINGS + 1))
     words.wait(WINDOW_S)
@@ -123,7 +123,7 @@ def test_a_forwarded_station_is_reported_once_and_so_are_frames_not_forwarded() 
     assert strangers(flight) == []
 
 
-def test_what_a_station_does_to_a_vehicle_is_told_of_that_vehicle_each_time() -> None:
+def test_what_a_station_does_to_a_vehicle_is_reported_of_that_vehicle_each_time() -> None:
     flight = story()
     for _ in range(2):
         flight.happen(Heard("uav2", StationActed(255, 190, "sets RTL_ALT to 3000")))

@@ -106,7 +106,7 @@ def test_of_fewer_than_asked_for_it_is_the_silence_of_each() -> None:
     ("silent_s", "told_ago_s", "told"),
     [(59.9, None, False), (60.0, None, True), (400.0, 299.9, False), (400.0, 300.0, True)],
 )
-def test_a_silence_that_lasts_is_told_again(silent_s: float, told_ago_s: float | None, *, told: bool) -> None:
+def test_a_silence_that_lasts_is_reported_again(silent_s: float, told_ago_s: float | None, *, told: bool) -> None:
     state = heard(
         silent_s,
         silent_s,

@@ -61,7 +61,7 @@ def test_nothing_is_wrong_with_a_healthy_vehicle() -> None:
 
 
 @pytest.mark.parametrize(("name", "state"), ROWS, ids=[name for name, _ in ROWS])
-def test_it_is_said(name: str, state: VehicleState) -> None:
+def test_it_is_reported(name: str, state: VehicleState) -> None:
     assert name in names(state)
 
 
@@ -124,7 +124,7 @@ EDGES: list[tuple[str, VehicleState, VehicleState]] = [
 
 
 @pytest.mark.parametrize(("name", "well", "not_well"), EDGES, ids=[f"{n}-{one[0]}" for n, one in enumerate(EDGES)])
-def test_it_is_said_from_its_threshold_on(name: str, well: VehicleState, not_well: VehicleState) -> None:
+def test_it_is_reported_from_its_threshold_on(name: str, well: VehicleState, not_well: VehicleState) -> None:
     assert name not in names(well)
     assert name in names(not_well)
 
@@ -163,7 +163,7 @@ def test_what_comes_back_within_half_a_minute_is_the_same() -> None:
     assert line in told(low, again, NOW_S + 60.9)[1]
 
 
-def test_a_silence_is_told_elsewhere() -> None:
+def test_a_silence_is_reported_elsewhere() -> None:
     assert told(flying(heard_s=NOW_S - 4.0), (), NOW_S)[1] == ()
 
 

@@ -25,7 +25,7 @@ BY_NAME = pytest.mark.parametrize("kind", STREAMS, ids=lambda kind: str(kind.__n
 
 
 @BY_NAME
-def test_what_stops_is_said_and_asked_for_and_then_a_fault_by_its_name(kind: type) -> None:
+def test_what_stops_is_reported_and_asked_for_and_then_a_fault_by_its_name(kind: type) -> None:
     words, fault_kind, gone_s = STREAMS[kind]
     flight = under_way()
     flight.crafts["uav2"].stopped.add(kind)

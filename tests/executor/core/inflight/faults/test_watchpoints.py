@@ -279,7 +279,7 @@ def test_it_is_raised_once_it_has_lasted(row: Row) -> None:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
-def test_a_moment_of_health_begins_the_wait_anew(row: Row) -> None:
+def test_a_moment_of_health_restarts_the_wait(row: Row) -> None:
     wait_s = point(row.name).raise_after_s
     _, state = raised(row.fails, NOW_S)
     _, state = raised(replace(flying(), watches=state.watches), NOW_S)
@@ -304,7 +304,7 @@ def test_not_knowing_neither_raises_nor_clears(row: Row) -> None:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
-def test_it_is_looked_at_in_its_stages_only(row: Row) -> None:
+def test_it_is_checked_in_its_stages_only(row: Row) -> None:
     for stage in Stage:
         found, _ = raised(later(raised(replace(row.fails, stage=stage), NOW_S)[1], 16.0), NOW_S + 16.0)
         assert (row.name in found) is (stage in point(row.name).stages)
@@ -432,7 +432,7 @@ def test_the_modes_words() -> None:
         (flying(**says(LOW_TEXT[0], volts=volts(low_since_s=NOW_S - 1.0))), True),
     ],
 )
-def test_a_text_of_the_battery_alone_is_nobodys_fault(state: VehicleState, shows: bool) -> None:
+def test_a_text_of_the_battery_alone_is_no_fault(state: VehicleState, shows: bool) -> None:
     """Anybody can send a text; a failsafe shows in the mode, the state or the battery as well."""
     assert verdict("battery-failsafe", state) is (Verdict.FAIL if shows else Verdict.OK)
 
