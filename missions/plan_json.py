@@ -155,7 +155,7 @@ def read_plan(path: Path | str) -> PlanFile:
     """
     content = read_any_plan(path)
     if isinstance(content, DayPlanFile):
-        raise PlanFileError(f"{path}: days: expected the plan of a single flight, got one of days")
+        raise PlanFileError(f"{path}: days: expected a plan for a single flight, got a day plan")
     return content
 
 

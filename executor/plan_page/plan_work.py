@@ -262,7 +262,7 @@ def _join_routes(plan: PlanFile, content: PlanFile, left: Sequence[FreeVehicle])
 def _read_flight(path: Path) -> PlanFile:
     plan = read_kept_plan(path)
     if isinstance(plan, DayPlanFile):
-        raise SiteError("expected the plan of a single flight, got one of days")
+        raise SiteError("expected a plan for a single flight, got a day plan")
     return plan
 
 

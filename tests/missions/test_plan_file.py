@@ -117,7 +117,7 @@ def test_every_figure_of_kept_files_is_right(version: str) -> None:
 def test_a_plan_of_another_kind_is_refused_in_one_line(version: str) -> None:
     folder = KEPT[0].parents[1] / version
     with pytest.raises(
-        PlanFileError, match=r"days\.json: days: expected the plan of a single flight, got one of days$"
+        PlanFileError, match=r"days\.json: days: expected a plan for a single flight, got a day plan$"
     ):
         read_plan(folder / "days.json")
     with pytest.raises(
