@@ -163,7 +163,7 @@ def test_planned_and_flown_stand_beside_each_other(flight: tuple[FlightRecord, F
 def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     facts = _read(render_report_page(record, report, {})).of("p")[0]
-    assert "flown at 5.00 m/s on average (5.00 m/s were requested), at most 5.40 m/s and at most 0.25 m beside" in facts
+    assert "flown at 5.00 m/s on average (5.00 m/s were requested), at most 5.40 m/s and at most 0.25 m off" in facts
     without = report.model_copy(update={"inspections": ()})
     assert "on average" not in _read(render_report_page(record, without, {})).of("p")[0]
 
