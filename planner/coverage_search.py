@@ -17,7 +17,7 @@ from planner.params import SearchParams
 from planner.plan_search import build_plan
 from planner.risk import estimate_coverage
 from planner.robust_search import FoundPlan, RobustSearch, Walker, plan_from_routes
-from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
+from planner.stop_rules import Iterations, StopRule, Stopwatch, combine_stop_rules
 
 SEARCH_SEED = 1_000_003
 """Added to the seed for the flights of the search, which must not be those of the final estimate."""
@@ -40,10 +40,11 @@ class CoverageSearch(RobustSearch):
         mtbf_h: float,
     ) -> None:
         self._coverage = params.coverage
+        first = replace(params.window, finalists=1, minmax_searches=1, other_searches=params.coverage.other_searches)
         self._windows = RobustSearch(
             instance, combine_stop_rules(Iterations(params.coverage.window_iterations), stop), watch, seed=seed,
             all_vehicles=all_vehicles, starts=starts, fly_again=fly_again,
-            params=replace(params, window=replace(params.window, finalists=1)),
+            params=replace(params, window=first),
         )  # fmt: skip
         same = ("probes", "cycle", "follow", "ways")
         own = replace(params.window, **{name: getattr(params.coverage, name) for name in same})
@@ -60,7 +61,7 @@ class CoverageSearch(RobustSearch):
         self._iterations = first.iterations
         known = sorted(self._windows.archive, key=lambda found: found.earliest_s)[: self._coverage.initial]
         if not known:
-            raise PlanError("no plan found inspects everything within the budgets, so none has a chance to")
+            raise PlanError("no plan found inspects everything within the budgets")
         for found in known:
             self._place_walker(self._looker, found.routes)
             self._archive_found(FoundPlan(found.routes, self._estimate_failure(self._looker)))
@@ -76,10 +77,6 @@ class CoverageSearch(RobustSearch):
             seconds=self._watch.seconds,
             stopped_by=reason,
         )
-
-    def _allow_walk(self, progress: Progress) -> StopVerdict:
-        verdict = super()._allow_walk(progress)
-        return replace(verdict, reason="every loss has a re-plan") if verdict.reason == "full window" else verdict
 
     def _walk(self, walker: Walker, iterations: int) -> None:
         while iterations > 0:

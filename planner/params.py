@@ -168,8 +168,10 @@ class WindowSearchParams(_Part):
 class CoverageParams(_Part):
     """The search for the largest probability of a complete inspection; what is not here is as for the window."""
 
-    window_iterations: CountFrom0 = 130_000
+    window_iterations: CountFrom0 = 80_000
     """Iterations of the search for the window that gives the first plans, other costs included."""
+    other_searches: FewFrom0 = 4
+    """Searches for other costs in it."""
     initial: Count = 8
     """Number of its plans from which the walks begin."""
     probes: Annotated[Count, Field(ge=2, le=256)] = 16

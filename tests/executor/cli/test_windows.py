@@ -98,8 +98,9 @@ def test_a_plan_chosen_by_its_coverage_checks_and_is_what_risk_says(place: Place
     tight(place)
     site, plan = place.path("site.toml"), place.path("plan.json")
     code, out, _ = place.run(
-        "plan", site, "--cost", "coverage", "--mtbf", "0.5", "--iterations", "20000", "--seed", "3", "-o", plan
-    )
+        "plan", site, "--cost", "coverage", "--mtbf", "0.5", "--iterations", "20000", "--seconds", "600",
+        "--seed", "3", "-o", plan,
+    )  # fmt: skip
     assert code == 0
     assert "everything inspected: " in out
     content = read_plan(Path(plan))
@@ -117,8 +118,9 @@ def test_a_plan_chosen_by_its_coverage_checks_and_is_what_risk_says(place: Place
 def test_a_changed_probability_is_found(place: Place) -> None:
     plan = Path(place.path("plan.json"))
     place.run(
-        "plan", place.path("site.toml"), "--cost", "coverage", "--mtbf", "0.5", "--iterations", "20000", "-o", str(plan)
-    )
+        "plan", place.path("site.toml"), "--cost", "coverage", "--mtbf", "0.5", "--iterations", "20000",
+        "--seconds", "600", "-o", str(plan),
+    )  # fmt: skip
     document = json.loads(plan.read_text(encoding="utf-8"))
     document["coverage"]["probability"] = document["cost"]["value"] = 0.125
     plan.write_text(json.dumps(document), encoding="utf-8")
