@@ -26,8 +26,8 @@ from planner import (
 from planner.coverage import CoverageResult
 from tests.planner.builders import fleet, line, random_instance
 
-MTBF_H = 40.0 / 3600
-"""About as long as a route takes: losses are frequent."""
+MTBF_H = 0.5
+"""A few times as long as a route takes: losses are frequent."""
 SMALL = random_instance(3, 8, fleet(34.0, 34.0, 34.0))
 QUICK = replace(
     DEFAULT_PARAMS,
