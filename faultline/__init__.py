@@ -89,7 +89,7 @@ def plan(
             of a cost; `coverage` of the result says how likely.
 
     Raises:
-        ERRORS: The site cannot be used, or a cost is given beside `mtbf_h`: one line with the file, the key and the
+        ERRORS: The site cannot be used, or a cost is given with `mtbf_h`: one line with the file, the key and the
             expected value.
     """
     if isinstance(site, Mapping):

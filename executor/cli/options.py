@@ -237,7 +237,7 @@ def build_plan_request(cost: PlanCostName | None, mtbf: float | None = None) -> 
         SiteError: --cost coverage has no --mtbf.
     """
     if cost is PlanCostName.COVERAGE and mtbf is None:
-        raise SiteError("--mtbf: expected flight hours between failures beside --cost coverage, got none")
+        raise SiteError("--mtbf: expected flight hours between failures with --cost coverage, got none")
     if cost is not PlanCostName.COVERAGE and mtbf is not None:
         raise SiteError("--mtbf: expected none without --cost coverage")
     chosen = None if cost in {None, PlanCostName.WINDOW, PlanCostName.COVERAGE} else Cost(cost)

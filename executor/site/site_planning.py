@@ -81,12 +81,12 @@ class PlanRequest:
 
         Raises:
             PlanFileError: the solver does not support the window, coverage or an iteration limit, the paper's solver is
-                to be tuned, or failures are given beside a cost without any.
+                to be tuned, or failures are given for a cost without any.
         """
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
             raise missions.PlanFileError(f"--solver: expected search for --cost {self.name}, got {self.solver.value}")
         if self.mtbf_h is not None and (self.cost is not None or self.usual):
-            raise missions.PlanFileError(f"--mtbf: expected --cost coverage beside it, got {self.name}")
+            raise missions.PlanFileError(f"--mtbf: expected --cost coverage with it, got {self.name}")
         if self.iterations is not None and self.solver is not PlanSolver.SEARCH:
             raise missions.PlanFileError(f"--solver: expected search for --iterations, got {self.solver.value}")
         if self.params != planner.DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:

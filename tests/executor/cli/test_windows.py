@@ -132,12 +132,12 @@ def test_a_changed_probability_is_found(place: Place) -> None:
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--cost", "coverage"), "--mtbf: expected flight hours between failures beside --cost coverage, got none"),
+        (("--cost", "coverage"), "--mtbf: expected flight hours between failures with --cost coverage, got none"),
         (("--cost", "window", "--mtbf", "5"), "--mtbf: expected none without --cost coverage"),
         (("--front", "--cost", "coverage", "--mtbf", "5"), "--mtbf: expected none without --cost coverage"),
         (("--cost", "coverage", "--mtbf", "5", "--solver", "grasp"),
          "--solver: expected search for --cost coverage, got grasp"),
-        (("--day", "--mtbf", "5"), "--mtbf: expected none beside --day"),
+        (("--day", "--mtbf", "5"), "--mtbf: expected none with --day"),
     ],
 )  # fmt: skip
 def test_coverage_is_refused_where_it_makes_no_sense(place: Place, options: tuple[str, ...], reason: str) -> None:
