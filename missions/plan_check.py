@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from missions.plan_file import DayPlanFile, PlanContent, PlanFile
-from missions.plan_parts import COVERAGE_COST, WINDOW_COST, Coverage, PlanRoute, Window
+from missions.plan_parts import COVERAGE_COST, WINDOW_COST, CoverageChance, PlanRoute, Window
 from missions.shortest_ways import build_area_graph
 from planner import Cost, PlanError, estimate_coverage, evaluate, replan_window
 from planner.sorties import Objective, evaluate_sorties
@@ -54,7 +54,7 @@ def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
     yield from _describe_wrong_figures([("window.earliest_s", written.earliest_s, found.earliest_s)])
 
 
-def _check_coverage(content: PlanFile, written: Coverage) -> Iterator[str]:
+def _check_coverage(content: PlanFile, written: CoverageChance) -> Iterator[str]:
     try:
         found = estimate_coverage(
             content.build_instance(), content.plan, written.mtbf_h, flights=written.flights, seed=written.seed,

@@ -157,7 +157,7 @@ class PlanFile(PlanContent):
     travel: Travel
     cost: plan_parts.PlanCost
     window: plan_parts.Window | None = None
-    coverage: plan_parts.Coverage | None = None
+    coverage: plan_parts.CoverageChance | None = None
     """The probability that the plan was chosen by."""
     inspection: Inspection | None = None
     """Inspection settings; without them the plan can be checked but not flown."""
@@ -387,7 +387,7 @@ def make_plan_file(
     task: Task,
     travel: Travel,
     plan: Plan,
-    chosen_by: Cost | plan_parts.Window | plan_parts.Coverage,
+    chosen_by: Cost | plan_parts.Window | plan_parts.CoverageChance,
     solved: plan_parts.SolverRecord,
     *,
     inspection: Inspection | None = None,
@@ -410,7 +410,7 @@ def make_plan_file(
         planner.PlanError: the plan does not belong to the task.
     """
     window = chosen_by if isinstance(chosen_by, plan_parts.Window) else None
-    coverage = chosen_by if isinstance(chosen_by, plan_parts.Coverage) else None
+    coverage = chosen_by if isinstance(chosen_by, plan_parts.CoverageChance) else None
     evaluation = evaluate(task.instance, plan, chosen_by if isinstance(chosen_by, Cost) else Cost.MINMAX)
     if inspection is not None and network.flat:
         # The file itself must state this: an export has no other source.

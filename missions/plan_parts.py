@@ -71,7 +71,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Coverage:
+class CoverageChance:
     """The estimated probability that everything is inspected, under random losses with re-plans."""
 
     mtbf_h: Annotated[Figure, Field(gt=0)]

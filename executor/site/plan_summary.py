@@ -13,7 +13,7 @@ from executor.core.preflight import mission_checks
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from missions import BasePlace, Coverage, DayPlanFile, PlanFile, check_ceiling
+from missions import BasePlace, CoverageChance, DayPlanFile, PlanFile, check_ceiling
 from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.geo import FloatArray
 from planner.model import BARRED_PCT
@@ -121,7 +121,7 @@ def describe_window(plan: PlanFile) -> list[str]:
     return [f"{share}: {absorbs}{but_left_over(plan)}{before}"]
 
 
-def _describe_coverage(found: Coverage) -> str:
+def _describe_coverage(found: CoverageChance) -> str:
     chance = f"everything inspected: {100 * found.probability:.1f} %"
     span = f"(95 %: {100 * found.low_95:.1f} to {100 * found.high_95:.1f} %)"
     flown = f"{found.flights} new flights, one failure in {found.mtbf_h:g} flight hours, re-planned"

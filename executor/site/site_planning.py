@@ -164,7 +164,7 @@ def plan_site(
     """
     task = site_model.build_first_task(ground) if task is None else task
     wanted = wanted.adapt_to_task(task)
-    chosen_by: planner.Cost | missions.Window | missions.Coverage
+    chosen_by: planner.Cost | missions.Window | missions.CoverageChance
     if wanted.mtbf_h is not None:
         chance = planner.solve_coverage(
             task.instance, mtbf_h=wanted.mtbf_h, stop=wanted.build_stop_rule(planner.NoImprovement(WINDOW_SETTLED)),
@@ -184,10 +184,10 @@ def plan_site(
         result = _solve_task(task.instance, wanted, wanted.cost, on_progress)
         plan, seconds, chosen_by = result.plan, result.seconds, wanted.cost
     if ground.inspection.same_distance:
-        if not isinstance(chosen_by, missions.Coverage):
+        if not isinstance(chosen_by, missions.CoverageChance):
             plan = rearrange_plan(ground, task, plan, chosen_by)
         task = site_model.adjust_task_to_layers(ground, task, plan)
-        if isinstance(chosen_by, missions.Coverage):
+        if isinstance(chosen_by, missions.CoverageChance):
             figures = planner.estimate_coverage(
                 task.instance, plan, chosen_by.mtbf_h, flights=chosen_by.flights, seed=wanted.seed,
                 fly_again=may_fly_again(ground),
@@ -244,7 +244,7 @@ def build_site_plan_file(
     ground: SiteModel,
     task: missions.Task,
     plan: planner.Plan,
-    chosen_by: planner.Cost | missions.Window | missions.Coverage,
+    chosen_by: planner.Cost | missions.Window | missions.CoverageChance,
     solved: missions.SolverRecord,
 ) -> missions.PlanFile:
     """Return the plan of a site's task as a plan file, with the site's flight settings and ground."""
@@ -337,10 +337,10 @@ def to_plan_window(found: planner.ReplanWindow, instance: planner.Instance) -> m
     return missions.Window(found.window_pct, found.earliest_s, found.longest_route_s, loss)
 
 
-def to_plan_coverage(found: planner.RiskEstimate, seed: int) -> missions.Coverage:
+def to_plan_coverage(found: planner.RiskEstimate, seed: int) -> missions.CoverageChance:
     """Return the estimate of a plan's coverage in the form of plan files."""
     chance = found.finished[-1]
-    return missions.Coverage(
+    return missions.CoverageChance(
         found.mtbf_h, chance.estimate, chance.low, chance.high, found.undone_m[-1], found.flights, seed
     )  # fmt: skip
 
