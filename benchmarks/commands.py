@@ -214,6 +214,46 @@ def upload(
     print(json_text(content) if as_json else text)
 
 
+@cli.command()
+def coverage(
+    radius: Annotated[
+        list[float] | None, typer.Option(min=1, metavar="M", help="Radius to measure, in metres; may be repeated.")
+    ] = None,
+    tightness: Annotated[
+        list[float] | None,
+        typer.Option(min=0.01, max=1, metavar="SHARE", help="Best MinMax over the budget; may be repeated."),
+    ] = None,
+    iterations: Annotated[int, typer.Option(min=5, help="Iterations of the searches for window and coverage.")] = (
+        200_000
+    ),
+    seeds: Annotated[int, typer.Option(min=1, help="MinComb plans, of which the best by its window counts.")] = 10,
+    flights: Annotated[int, typer.Option(min=1, help="New flights for the estimate of each plan.")] = 4000,
+    seed: SeedOption = 1,
+    data: DataOption = None,
+    out: OutOption = RESULTS,
+    fresh: FreshOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare plans chosen for the probability of coverage with MinComb and window plans, cell by cell of the table."""
+    from functools import partial
+
+    from benchmarks.coverage import measure_coverage, report_coverage
+    from benchmarks.data import papers_network
+    from benchmarks.progress import ShownProgress
+    from benchmarks.table.settings import RADII_M, TIGHTNESS
+
+    radii, tight = radius or RADII_M, tightness or TIGHTNESS
+    asked = [f"--radius {one:g}" for one in radius or ()] + [f"--tightness {one:g}" for one in tightness or ()]
+    asked += [f"--iterations {iterations}", f"--seeds {seeds}", f"--flights {flights}", f"--seed {seed}"]
+    with ShownProgress() as shown:
+        content = measure_coverage(
+            papers_network(data), out, [(one, other) for one in radii for other in tight], iterations=iterations,
+            seeds=seeds, flights=flights, seed=seed, fresh=fresh, told=partial(shown.show_stage, "cells"),
+            command=" ".join(["faultline bench coverage", *asked]),
+        )  # fmt: skip
+    bench_flights.finish_command(content, report_coverage, out, as_json=as_json, failed=False)
+
+
 def _network_path(network: str | None, data: Path | None) -> Path | None:
     from benchmarks.data import papers_network
 

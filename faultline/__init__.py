@@ -74,6 +74,7 @@ def build_site(
 def plan(
     site: Path | str | Mapping[str, Any], *, cost: Cost | None = None, seconds: float = DEFAULT.seconds,
     seed: int = DEFAULT.seed, iterations: int | None = None, starts: int = 0,
+    mtbf_h: float | None = None,
 ) -> PlanFile:  # fmt: skip
     """Plan a site's inspection, as `faultline plan` does.
 
@@ -84,17 +85,21 @@ def plan(
         seed: Seed of all randomness.
         iterations: Iterations of each search; with the same number and `starts` every computer finds the same plan.
         starts: Parallel searches, 0 for one per processor.
+        mtbf_h: Mean flight hours between failures of one vehicle: the plan most likely to inspect everything, instead
+            of a cost; `coverage` of the result says how likely.
 
     Raises:
-        ERRORS: The site cannot be used: one line with the file, the key and the expected value.
+        ERRORS: The site cannot be used, or a cost is given with `mtbf_h`: one line with the file, the key and the
+            expected value.
     """
     if isinstance(site, Mapping):
         tables, base = check_site(dict(site), "site"), Path()
     else:
         tables, base = read_site(Path(site)), Path(site).parent
     wanted = replace(
-        DEFAULT, cost=cost, usual=cost is None, seconds=seconds, seed=seed, iterations=iterations, starts=starts
-    )
+        DEFAULT, cost=cost, mtbf_h=mtbf_h, usual=cost is None and mtbf_h is None, seconds=seconds, seed=seed,
+        iterations=iterations, starts=starts,
+    )  # fmt: skip
     return plan_site(load_site_model(tables, base), wanted)
 
 

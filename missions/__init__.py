@@ -68,7 +68,15 @@ from missions.pads import Pad, column_radius_m, place_pads
 from missions.plan_check import check_plan
 from missions.plan_file import DayPlanFile, PlanFile, build_plan_segment, make_plan_file
 from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
-from missions.plan_parts import BasePlace, BreakingLoss, SolverRecord, Window
+from missions.plan_parts import (
+    COVERAGE_COST,
+    WINDOW_COST,
+    BasePlace,
+    BreakingLoss,
+    CoverageChance,
+    SolverRecord,
+    Window,
+)
 from missions.pricing import Pricing, Task, build_open_task, build_priced_instance
 from missions.readers import (
     NetworkImport,

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from missions.plan_file import DayPlanFile, PlanContent, PlanFile
-from missions.plan_parts import WINDOW_COST, PlanRoute, Window
+from missions.plan_parts import COVERAGE_COST, WINDOW_COST, CoverageChance, PlanRoute, Window
 from missions.shortest_ways import build_area_graph
-from planner import Cost, PlanError, evaluate, replan_window
+from planner import Cost, PlanError, estimate_coverage, evaluate, replan_window
 from planner.sorties import Objective, evaluate_sorties
 
 PLACE_TOLERANCE_M = 0.05
@@ -28,8 +28,8 @@ def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -
 
     Args:
         content: The file.
-        search_window: Whether to search for the window again: a second or two for a hundred segments. Otherwise only
-            its percentage and longest route are recomputed.
+        search_window: Whether to search for the window again: a second or two for a hundred segments; the flights of
+            its probability of coverage take longer. Otherwise only its percentage and longest route are recomputed.
 
     Raises:
         PlanFileError: its vehicles or coordinates do not form a valid planning problem.
@@ -40,6 +40,8 @@ def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -
     findings += _check_flight(content)
     if search_window and content.window is not None and not findings:
         findings.extend(_check_window(content, content.window))
+    if search_window and content.coverage is not None and not findings:
+        findings.extend(_check_coverage(content, content.coverage))
     return findings
 
 
@@ -52,18 +54,36 @@ def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
     yield from _describe_wrong_figures([("window.earliest_s", written.earliest_s, found.earliest_s)])
 
 
+def _check_coverage(content: PlanFile, written: CoverageChance) -> Iterator[str]:
+    try:
+        found = estimate_coverage(
+            content.build_instance(), content.plan, written.mtbf_h, flights=written.flights, seed=written.seed,
+            fly_again=content.fly_again,
+        )  # fmt: skip
+    except PlanError as error:
+        yield f"coverage: {error}"
+        return
+    chance = found.finished[-1]
+    yield from _describe_wrong_figures([
+        ("coverage.probability", written.probability, chance.estimate),
+        ("coverage.low_95", written.low_95, chance.low), ("coverage.high_95", written.high_95, chance.high),
+        ("coverage.uninspected_m", written.uninspected_m, found.undone_m[-1]),
+    ])  # fmt: skip
+
+
 def _check_flight(content: PlanFile) -> Iterator[str]:
-    cost, window = content.cost, content.window
-    evaluation = evaluate(
-        content.build_instance(), content.plan, Cost.MINMAX if cost.name == WINDOW_COST else Cost(cost.name)
-    )
+    cost, window, coverage = content.cost, content.window, content.coverage
+    measured = cost.name in {WINDOW_COST, COVERAGE_COST}
+    evaluation = evaluate(content.build_instance(), content.plan, Cost.MINMAX if measured else Cost(cost.name))
     yield from _describe_wrong_routes(
         ((f"route of {route.vehicle}", route) for route in content.routes),
         evaluation.durations_s, evaluation.energies_pct,
     )  # fmt: skip
     figures = []
-    if cost.name != WINDOW_COST:
+    if not measured:
         figures.append((f"cost.value ({cost.name})", cost.value, evaluation.value))
+    elif cost.name == COVERAGE_COST and coverage is not None:
+        figures.append((f"cost.value ({cost.name})", cost.value, coverage.probability))
     elif window is not None:
         figures.append((f"cost.value ({cost.name})", cost.value, window.earliest_s))
     if window is not None:

@@ -157,6 +157,8 @@ class PlanFile(PlanContent):
     travel: Travel
     cost: plan_parts.PlanCost
     window: plan_parts.Window | None = None
+    coverage: plan_parts.CoverageChance | None = None
+    """The probability that the plan was chosen by."""
     inspection: Inspection | None = None
     """Inspection settings; without them the plan can be checked but not flown."""
     pricing: Annotated[Pricing | None, Field(alias="model")] = field(default=None, compare=False)
@@ -385,7 +387,7 @@ def make_plan_file(
     task: Task,
     travel: Travel,
     plan: Plan,
-    chosen_by: Cost | plan_parts.Window,
+    chosen_by: Cost | plan_parts.Window | plan_parts.CoverageChance,
     solved: plan_parts.SolverRecord,
     *,
     inspection: Inspection | None = None,
@@ -398,7 +400,7 @@ def make_plan_file(
         task: The solved problem.
         travel: Speeds and rates of the paper's model.
         plan: Plan over the task's instance.
-        chosen_by: A cost, or the plan's re-plan window, where an earlier begin is better.
+        chosen_by: A cost; the plan's re-plan window, where an earlier begin is better; or its probability of coverage.
         solved: Record of the solver run.
         inspection: Inspection settings of the routes.
         says_distances: Whether the inspection distances of its segments are known: for a re-plan only the missions
@@ -408,7 +410,8 @@ def make_plan_file(
         planner.PlanError: the plan does not belong to the task.
     """
     window = chosen_by if isinstance(chosen_by, plan_parts.Window) else None
-    evaluation = evaluate(task.instance, plan, Cost.MINMAX if isinstance(chosen_by, plan_parts.Window) else chosen_by)
+    coverage = chosen_by if isinstance(chosen_by, plan_parts.CoverageChance) else None
+    evaluation = evaluate(task.instance, plan, chosen_by if isinstance(chosen_by, Cost) else Cost.MINMAX)
     if inspection is not None and network.flat:
         # The file itself must state this: an export has no other source.
         inspection = replace(inspection, flat=True)
@@ -426,8 +429,11 @@ def make_plan_file(
         segments=tuple(build_plan_segment(network, segment) for segment in task.segment_ids),
         travel=travel,
         cost=plan_parts.PlanCost(chosen_by.value, evaluation.value) if isinstance(chosen_by, Cost)
-        else plan_parts.PlanCost(plan_parts.WINDOW_COST, chosen_by.earliest_s),
+        else plan_parts.PlanCost(plan_parts.WINDOW_COST, chosen_by.earliest_s)
+        if isinstance(chosen_by, plan_parts.Window)
+        else plan_parts.PlanCost(plan_parts.COVERAGE_COST, chosen_by.probability),
         window=window,
+        coverage=coverage,
         inspection=inspection,
     )  # fmt: skip
     said = content if says_distances else replace(content, inspection=None)

@@ -18,7 +18,7 @@ from missions.errors import PlanFileError, SafetyError
 from missions.files import find_object, read_text, write_document
 from missions.plan_file import DayPlanFile, PlanFile
 from missions.plan_json_v1 import upgrade_plan
-from missions.plan_parts import WINDOW_COST
+from missions.plan_parts import COVERAGE_COST, WINDOW_COST
 from missions.pricing import Pricing
 from missions.validation import format_first_error
 from planner import InstanceError, PlanError
@@ -95,6 +95,8 @@ def _find_errors(content: PlanFile | DayPlanFile) -> Iterator[str]:
         yield f"routes: expected one each for {', '.join(names)}, in that order"
     if content.cost.name == WINDOW_COST and content.window is None:
         yield "window: expected the window that the plan was chosen by"
+    if content.cost.name == COVERAGE_COST and content.coverage is None:
+        yield "coverage: expected the probability that the plan was chosen by"
 
 
 def _find_wrong_locks(model: Pricing, names: Sequence[str], count: int) -> Iterator[str]:

@@ -17,6 +17,7 @@ from planner.sorties import Objective
 DEPOT = "depot"
 """The only base of a single flight."""
 WINDOW_COST = "window"
+COVERAGE_COST = "coverage"
 """Cost name of a plan chosen by its re-plan window."""
 
 
@@ -67,6 +68,24 @@ class Window:
     longest_route_s: Figure
     breaking: BreakingLoss | None = None
     """Latest loss before it without a re-plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class CoverageChance:
+    """The estimated probability that everything is inspected, under random losses with re-plans."""
+
+    mtbf_h: Annotated[Figure, Field(gt=0)]
+    """Mean flight hours between failures of one vehicle."""
+    probability: Figure
+    low_95: Figure
+    """Lower end of the 95 % confidence interval."""
+    high_95: Figure
+    uninspected_m: Figure
+    """Expected metres left uninspected."""
+    flights: Annotated[int, Field(ge=1)]
+    """Number of simulated flights, which the plan was not chosen by."""
+    seed: Annotated[int, Field(ge=0)]
+    """Random seed of these flights."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,9 +223,9 @@ class PlanRoute:
 class PlanCost:
     """Objective of the plan."""
 
-    name: Annotated[str, one_of([*(cost.value for cost in Cost), WINDOW_COST])]
+    name: Annotated[str, one_of([*(cost.value for cost in Cost), WINDOW_COST, COVERAGE_COST])]
     value: Figure
-    """Cost in percent of a full battery; for a window, its ``earliest_s``."""
+    """Cost in percent of a full battery; for a window, its ``earliest_s``; for coverage, the probability."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@
 Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.
 """
 
+from planner.coverage import solve_coverage
 from planner.energy import CLIMB_SHARE_PER_M_S, PRESETS, Drone, pct_per_s, power_w, top_speed_m_s
 from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
@@ -41,6 +42,7 @@ from planner.risk import (
     RiskCampaign,
     RiskEstimate,
     build_risk_campaign,
+    estimate_coverage,
     estimate_risks,
     simulate_chunk,
     split_flights,

@@ -165,6 +165,37 @@ class WindowSearchParams(_Part):
 
 
 @dataclass(frozen=True, slots=True, config=CHECKED)
+class CoverageParams(_Part):
+    """The search for the largest probability of a complete inspection; what is not here is as for the window."""
+
+    window_iterations: CountFrom0 = 80_000
+    """Iterations of the search for the window that gives the first plans, other costs included."""
+    other_searches: FewFrom0 = 4
+    """Searches for other costs in it."""
+    initial: Count = 8
+    """Number of its plans from which the walks begin."""
+    probes: Annotated[Count, Field(ge=2, le=256)] = 16
+    """Times at which a walk evaluates losses. More cost time in each iteration and leave smaller gaps."""
+    cycle: Count = 2_000
+    """Iterations of a walk from hot to cold."""
+    follow: Count = 5
+    """Iterations of ruin and recreate of a repair in a walk. Losses without one cost most of the time."""
+    ways: Annotated[tuple[tuple[Share, Share], ...], Field(min_length=1)] = ((0.0, 0.1), (0.8, 0.05))
+    """As for the window."""
+    base: From0 = 3.0
+    """What every loss without a re-plan counts in a walk, in mean transits."""
+    most: From0 = 20.0
+    """Maximum of what a re-plan lacks that counts in addition, in mean transits. A large one improves losses that are
+    far from a re-plan, a small one those that are close to it."""
+    look: Count = 300
+    """Iterations of ruin and recreate per loss when a whole plan is evaluated."""
+    finalists: Count = 3
+    """Number of plans among which flights choose."""
+    flights: Count = 1_000
+    """Flights of each of them."""
+
+
+@dataclass(frozen=True, slots=True, config=CHECKED)
 class SearchParams:
     """All tuning parameters of the searches."""
 
@@ -172,6 +203,7 @@ class SearchParams:
     large: LargeParams = LargeParams()
     exact: ExactParams = ExactParams()
     window: WindowSearchParams = WindowSearchParams()
+    coverage: CoverageParams = CoverageParams()
 
     @model_validator(mode="after")
     def _check_spells(self) -> Self:

@@ -44,6 +44,8 @@ from planner.window import EFFORT, event_times_s, iterate_losses
 
 FLIGHTS_PER_CHUNK = 10_000
 """Flights that share their re-plans; more chunks keep more processors busy."""
+COVERAGE_FLIGHTS = 2_000
+"""Flights that estimate the probability of a plan chosen by it."""
 TIME_BINS = 10
 """Number of parts of the longest route's duration by which failures are counted."""
 RESERVE_PCT = 15.0
@@ -212,6 +214,19 @@ def estimate_risks(campaign: RiskCampaign, tallies: Sequence[Sequence[ChunkTally
         _estimate_risk(campaign, hours, [tally[number] for tally in tallies])
         for number, hours in enumerate(campaign.mtbf_h)
     )
+
+
+def estimate_coverage(
+    instance: Instance, plan: Plan, mtbf_h: float, *, flights: int, seed: int, fly_again: bool, effort: int = EFFORT
+) -> RiskEstimate:
+    """Return the estimate of ``faultline risk`` with its default settings, flown in this process.
+
+    Raises:
+        InstanceError, PlanError: as for ``build_risk_campaign`` and ``split_flights``.
+    """
+    campaign = build_risk_campaign(instance, plan, mtbf_h=(mtbf_h,), effort=effort, fly_again=fly_again)
+    (found,) = estimate_risks(campaign, [simulate_chunk(campaign, chunk) for chunk in split_flights(flights, seed)])
+    return found
 
 
 def estimate_probability(successes: int, flights: int) -> ProbabilityEstimate:

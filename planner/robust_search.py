@@ -277,11 +277,15 @@ class RobustSearch(Search):
                 set_clock(self._problem, self._timing, walk_at.base, walk_at.clock, route)
             walk_at.repairs.known[:] = 0
 
-    def _find_window_begin(self, walker: Walker) -> tuple[float, float]:
-        """Return the start of a plan's window and of the interval that breaks it, -1 if none does."""
+    def _list_events_s(self, walker: Walker) -> FloatArray:
+        """Return (e,) float64: the times of ``event_times_s`` for a walker's plan."""
         base, clock = walker.here.base, walker.here.clock
         visits_end_s = [clock.ends_s[route, :length] for route, length in enumerate(base.lengths)]
-        events_s = np.array(merge_times(np.concatenate([clock.durations_s, *visits_end_s]), self._instance.answer_s))
+        return np.array(merge_times(np.concatenate([clock.durations_s, *visits_end_s]), self._instance.answer_s))
+
+    def _find_window_begin(self, walker: Walker) -> tuple[float, float]:
+        """Return the start of a plan's window and of the interval that breaks it, -1 if none does."""
+        base, clock, events_s = walker.here.base, walker.here.clock, self._list_events_s(walker)
         walker.full.known[:] = 0
         interval = find_broken_interval(
             self._problem, self._timing, base, clock, events_s, self._fly_again, walker.loss, walker.full, walker.desk,
@@ -330,7 +334,10 @@ class RobustSearch(Search):
         params = self._params
         early, polish = params.ways[walker.cycles % len(params.ways)]
         rise = params.rise * float(walker.here.base.loads.sum())
-        return WalkLimits(self._cap_s, self._all_vehicles, self._fly_again, params.follow, rise, early, polish)
+        return WalkLimits(
+            self._cap_s, self._all_vehicles, self._fly_again, params.follow, rise, early, polish,
+            base_pct=0.0, most_pct=math.inf,
+        )  # fmt: skip
 
     def _begin_cycle(self, walker: Walker) -> None:
         self._place_walker(walker, walker.start.routes)

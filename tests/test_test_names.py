@@ -207,6 +207,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/plan_parts.py",
     ),
     "tests/missions/test_setup.py": ("missions/waypoints.py",),
+    "tests/planner/test_coverage.py": ("planner/coverage_search.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
     "tests/planner/test_search.py": (

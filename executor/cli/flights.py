@@ -63,6 +63,7 @@ def demo(
     fault: options.FaultOption = None,
     autopilot: options.AutopilotOption = options.FIRST_AUTOPILOT,
     cost: options.PlanCostOption = None,
+    mtbf: options.PlanMtbfOption = None,
     flat: Annotated[bool, typer.Option("--flat", help="Assume flat ground for a network without heights.")] = False,
     run: options.RunOption = None,
     as_json: options.JsonOption = False,
@@ -80,7 +81,7 @@ def demo(
     simulated_fleet.fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=1.0, failsafe=True)
     console = TerminalConsole(quiet=as_json, yes=True)
     # There is no earlier plan to keep to, and the vehicle of the story must fly.
-    wanted = replace(options.build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
+    wanted = replace(options.build_plan_request(cost, mtbf), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
     if usual:
         wanted = replace(wanted, seconds=DEMO_MOST_S, iterations=DEMO_ITERATIONS, starts=DEMO_SEARCHES)
     plan = plan_inputs.plan_and_report(ground, console, wanted)

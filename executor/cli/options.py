@@ -13,6 +13,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from executor.errors import SiteError
 from executor.site.site_planning import DEFAULT, WINDOW_UP_TO, PlanRequest, PlanSolver
 from missions import AUTOPILOTS
 from planner import Cost
@@ -65,6 +66,7 @@ class PlanCostName(StrEnum):
     for known in Cost:
         vars()[known.name] = known.value
     WINDOW = "window"
+    COVERAGE = "coverage"
 
 
 class FormatName(StrEnum):
@@ -104,9 +106,14 @@ PlanCostOption = Annotated[
     PlanCostName | None,
     typer.Option(
         help="What to optimise: minmax, the longest route; minsum, all routes together; mincomb, both; window, the "
-        "re-plan window, so that the fleet can finish without any one vehicle from as early as possible. Without it "
+        "re-plan window, so that the fleet can finish without any one vehicle from as early as possible; coverage, the "
+        "probability that everything is inspected, with --mtbf. Without it "
         f"the window, or minmax for one vehicle, for more than {WINDOW_UP_TO} segments and for other solvers."
     ),
+]
+PlanMtbfOption = Annotated[
+    float | None,
+    number_option("With --cost coverage: mean flight hours between failures of one vehicle.", 0.01, metavar="HOURS"),
 ]
 StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Parallel searches; 0 for one per processor.")]
 DEFAULT_REPLAN_COST = DEFAULT.cost or Cost.MINMAX
@@ -192,6 +199,7 @@ class PlanOptions:
             "larger window costs flight time.", 0, 1000, metavar="PCT",
         ),
     ] = 100 * DEFAULT.stretch  # fmt: skip
+    mtbf: PlanMtbfOption = None
     all_vehicles: Annotated[
         bool, typer.Option("--all-vehicles", help="Use every vehicle; keep none on the ground as a spare.")
     ] = False
@@ -212,15 +220,25 @@ class PlanOptions:
 
         Raises:
             PlanFileError: the solver does not support it.
+            SiteError: as for `build_plan_request`.
         """
         return replace(
-            build_plan_request(self.cost), seconds=self.seconds, seed=self.seed, solver=self.solver,
+            build_plan_request(self.cost, self.mtbf), seconds=self.seconds, seed=self.seed, solver=self.solver,
             all_vehicles=self.all_vehicles, stretch=self.stretch / 100, starts=self.starts,
             iterations=self.iterations,
         )  # fmt: skip
 
 
-def build_plan_request(cost: PlanCostName | None) -> PlanRequest:
-    """Return the plan request for a cost, or for none."""
-    chosen = None if cost is None or cost is PlanCostName.WINDOW else Cost(cost.value)
-    return replace(DEFAULT, cost=chosen, usual=cost is None)
+def build_plan_request(cost: PlanCostName | None, mtbf: float | None = None) -> PlanRequest:
+    """Return the plan request for a cost, or for none.
+
+    Raises:
+        PlanFileError: failures are given for a cost that has none.
+        SiteError: --cost coverage has no --mtbf.
+    """
+    if cost is PlanCostName.COVERAGE and mtbf is None:
+        raise SiteError("--mtbf: expected flight hours between failures with --cost coverage, got none")
+    if cost is not PlanCostName.COVERAGE and mtbf is not None:
+        raise SiteError("--mtbf: expected none without --cost coverage")
+    chosen = None if cost in {None, PlanCostName.WINDOW, PlanCostName.COVERAGE} else Cost(cost)
+    return replace(DEFAULT, cost=chosen, usual=cost is None, mtbf_h=mtbf)

@@ -167,8 +167,8 @@ def announce_planning(
         chosen_by: Objective of the plan, if not its cost.
         where: Starting place and time.
     """
-    name = chosen_by or ("window" if wanted.cost is None else wanted.cost.value)
-    unit = "earliest s" if name == "window" else name
+    name = chosen_by or wanted.name
+    unit = {"window": "earliest s", "coverage": "first loss without a re-plan"}.get(name, name)
     console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {wanted.length})")
 
     def progressed(progress: Progress) -> None:

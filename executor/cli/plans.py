@@ -132,7 +132,7 @@ def plan(
         raise typer.Exit(ANSWER_IS_NO)
 
 
-NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "profile")
+NOT_BY_DAY = ("cost", "mtbf", "solver", "stretch", "all_vehicles", "search", "front", "profile")
 ONLY_BY_DAY = ("objective", "mtbf_hours", "probability", "samples", "dask", "jobs")
 ONLY_BY_LOSSES = ("dask", "jobs")
 

@@ -42,8 +42,10 @@ class PlanSettings(BaseModel):
 
     seconds: Annotated[float, Field(ge=0.1, le=86_400)] = DEFAULT.seconds
     """Time limit of the search."""
-    cost: Literal["minmax", "minsum", "mincomb", "window"] | None = None
+    cost: Literal["minmax", "minsum", "mincomb", "window", "coverage"] | None = None
     """As `faultline plan --cost`; by default the re-plan window, where the problem has one."""
+    mtbf_h: Annotated[float, Field(ge=0.01)] | None = None
+    """For coverage: mean flight hours between failures of one vehicle."""
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = DEFAULT.seed
     iterations: Annotated[int, Field(ge=1)] | None = None
     """Iteration limit, so that every computer finds the same plan; `seconds` still holds."""
@@ -54,11 +56,16 @@ class PlanSettings(BaseModel):
 
     def build_request(self) -> PlanRequest:
         """Return the request that the command line would build from these options."""
-        chosen = None if self.cost in {None, "window"} else Cost(self.cost)
+        chosen = None if self.cost in {None, "window", "coverage"} else Cost(self.cost)
         usual = self.cost is None and not self.front
+        if (self.mtbf_h is None) == (self.cost == "coverage"):
+            raise SiteError("mtbf_h: expected flight hours for the cost coverage, and for no other")
+        if self.mtbf_h is not None and (self.front or self.day):
+            raise SiteError("cost: expected none of coverage for a front or for days")
         return replace(
-            DEFAULT, cost=chosen, usual=usual, seconds=self.seconds, seed=self.seed, iterations=self.iterations
-        )
+            DEFAULT, cost=chosen, mtbf_h=self.mtbf_h, usual=usual, seconds=self.seconds, seed=self.seed,
+            iterations=self.iterations,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

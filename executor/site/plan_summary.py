@@ -13,7 +13,7 @@ from executor.core.preflight import mission_checks
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from missions import BasePlace, DayPlanFile, PlanFile, check_ceiling
+from missions import BasePlace, CoverageChance, DayPlanFile, PlanFile, check_ceiling
 from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.geo import FloatArray
 from planner.model import BARRED_PCT
@@ -105,10 +105,13 @@ def summarise_plan(plan: PlanFile) -> str:
 
 
 def describe_window(plan: PlanFile) -> list[str]:
-    """Return a line with the start of the re-plan window, and the worst case before it; empty if unknown."""
+    """Return a line with the start of the re-plan window, and the worst case before it; empty if unknown.
+
+    For a plan chosen for its probability of coverage, a line with that.
+    """
     window = plan.window
     if window is None:
-        return []
+        return [] if plan.coverage is None else [_describe_coverage(plan.coverage)]
     breaking = window.breaking
     before = "" if breaking is None else (
         f"; worst case before: {breaking.vehicle} at {breaking.from_s:.0f} to {breaking.to_s:.0f} s"
@@ -116,6 +119,13 @@ def describe_window(plan: PlanFile) -> list[str]:
     share = f"re-plan window {window.window_pct:.0f} %"
     absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
     return [f"{share}: {absorbs}{but_left_over(plan)}{before}"]
+
+
+def _describe_coverage(found: CoverageChance) -> str:
+    chance = f"everything inspected: {100 * found.probability:.1f} %"
+    span = f"(95 %: {100 * found.low_95:.1f} to {100 * found.high_95:.1f} %)"
+    flown = f"{found.flights} new flights, one failure in {found.mtbf_h:g} flight hours, re-planned"
+    return f"{chance} {span}, {found.uninspected_m:.1f} m left on average; {flown}"
 
 
 def but_left_over(plan: PlanFile) -> str:

@@ -63,6 +63,8 @@ class PlanRequest:
     solver: PlanSolver = PlanSolver.SEARCH
     all_vehicles: bool = False
     """Whether every vehicle must fly."""
+    mtbf_h: float | None = None
+    """Mean flight hours between failures of one vehicle: the largest probability of coverage, instead of a cost."""
     stretch: float = 0.1
     """For a window: how much longer than the best MinMax plan's the longest route may be, as a share."""
     starts: int = 0
@@ -78,15 +80,24 @@ class PlanRequest:
         """Check that the solver supports the request.
 
         Raises:
-            PlanFileError: the solver does not support the window or an iteration limit, or the paper's solver is to be
-                tuned.
+            PlanFileError: the solver does not support the window, coverage or an iteration limit, the paper's solver is
+                to be tuned, or failures are given for a cost without any.
         """
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
-            raise missions.PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
+            raise missions.PlanFileError(f"--solver: expected search for --cost {self.name}, got {self.solver.value}")
+        if self.mtbf_h is not None and (self.cost is not None or self.usual):
+            raise missions.PlanFileError(f"--mtbf: expected --cost coverage with it, got {self.name}")
         if self.iterations is not None and self.solver is not PlanSolver.SEARCH:
             raise missions.PlanFileError(f"--solver: expected search for --iterations, got {self.solver.value}")
         if self.params != planner.DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
             raise missions.PlanFileError("--search: expected none with --solver grasp, whose numbers are the paper's")
+
+    @property
+    def name(self) -> str:
+        """Name of the objective."""
+        if self.cost is not None:
+            return self.cost.value
+        return missions.WINDOW_COST if self.mtbf_h is None else missions.COVERAGE_COST
 
     @property
     def threads(self) -> int:
@@ -153,8 +164,15 @@ def plan_site(
     """
     task = site_model.build_first_task(ground) if task is None else task
     wanted = wanted.adapt_to_task(task)
-    chosen_by: planner.Cost | missions.Window
-    if wanted.cost is None:
+    chosen_by: planner.Cost | missions.Window | missions.CoverageChance
+    if wanted.mtbf_h is not None:
+        chance = planner.solve_coverage(
+            task.instance, mtbf_h=wanted.mtbf_h, stop=wanted.build_stop_rule(planner.NoImprovement(WINDOW_SETTLED)),
+            seed=wanted.seed, all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params,
+            on_progress=on_progress, fly_again=may_fly_again(ground),
+        )  # fmt: skip
+        plan, seconds, chosen_by = chance.plan, chance.seconds, to_plan_coverage(chance.chance, wanted.seed)
+    elif wanted.cost is None:
         stop = wanted.build_stop_rule(planner.NoImprovement(WINDOW_SETTLED))
         found = planner.solve_window(
             task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
@@ -166,8 +184,15 @@ def plan_site(
         result = _solve_task(task.instance, wanted, wanted.cost, on_progress)
         plan, seconds, chosen_by = result.plan, result.seconds, wanted.cost
     if ground.inspection.same_distance:
-        plan = rearrange_plan(ground, task, plan, chosen_by)
+        if not isinstance(chosen_by, missions.CoverageChance):
+            plan = rearrange_plan(ground, task, plan, chosen_by)
         task = site_model.adjust_task_to_layers(ground, task, plan)
+        if isinstance(chosen_by, missions.CoverageChance):
+            figures = planner.estimate_coverage(
+                task.instance, plan, chosen_by.mtbf_h, flights=chosen_by.flights, seed=wanted.seed,
+                fly_again=may_fly_again(ground),
+            )  # fmt: skip
+            chosen_by = to_plan_coverage(figures, wanted.seed)
         if isinstance(chosen_by, missions.Window):
             again = planner.replan_window(task.instance, plan, fly_again=may_fly_again(ground))
             chosen_by = to_plan_window(again, task.instance)
@@ -219,7 +244,7 @@ def build_site_plan_file(
     ground: SiteModel,
     task: missions.Task,
     plan: planner.Plan,
-    chosen_by: planner.Cost | missions.Window,
+    chosen_by: planner.Cost | missions.Window | missions.CoverageChance,
     solved: missions.SolverRecord,
 ) -> missions.PlanFile:
     """Return the plan of a site's task as a plan file, with the site's flight settings and ground."""
@@ -310,6 +335,14 @@ def to_plan_window(found: planner.ReplanWindow, instance: planner.Instance) -> m
         breaking = found.breaking
         loss = missions.BreakingLoss(instance.vehicles[breaking.vehicle].name, breaking.from_s, breaking.to_s)
     return missions.Window(found.window_pct, found.earliest_s, found.longest_route_s, loss)
+
+
+def to_plan_coverage(found: planner.RiskEstimate, seed: int) -> missions.CoverageChance:
+    """Return the estimate of a plan's coverage in the form of plan files."""
+    chance = found.finished[-1]
+    return missions.CoverageChance(
+        found.mtbf_h, chance.estimate, chance.low, chance.high, found.undone_m[-1], found.flights, seed
+    )  # fmt: skip
 
 
 def check_plan_fits(plan: missions.PlanFile, ground: SiteModel, source: str) -> None:

@@ -88,6 +88,10 @@ class WalkLimits(NamedTuple):
     """Share of changes made in the part of the plan that affects the probed losses."""
     polish: float
     """Share of repairs with missing energy that are improved although their loss leaves the same problem as before."""
+    base_pct: float
+    """Counts for every loss without a repair, in addition to what its repair lacks."""
+    most_pct: float
+    """Maximum of what the repair of one loss lacks that counts."""
 
 
 @inner()
@@ -242,12 +246,18 @@ def is_alike(here: RobustWalk, there: RobustWalk, slot: int) -> bool:
     return alike
 
 
+@inner()
+def weigh_lack(limits: WalkLimits, lacks: float) -> float:
+    """Return what a loss contributes to the total that a walk minimises."""
+    return 0.0 if lacks <= 0.0 else limits.base_pct + min(lacks, limits.most_pct)
+
+
 @kernel()
 def assess_repairs(
     problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: RepairWorkspace,
     probes_s: Floats, limits: WalkLimits, most: float, rng: RandomState,
 ) -> float:  # fmt: skip
-    """Compute the repairs of ``there`` from those of ``here``; return their total missing energy.
+    """Compute the repairs of ``there`` from those of ``here``; return their total of ``weigh_lack``.
 
     Stops as soon as the total exceeds ``most``. The repairs that lacked most come first.
     """
@@ -273,7 +283,7 @@ def assess_repairs(
             effort = limits.effort if known else UNKNOWN * limits.effort
             there.lacks[slot] = repair(loss, repair_of(there.repairs, slot), desk, effort, rng)
             there.repairs.known[slot] = 1
-        total += float(there.lacks[slot])
+        total += weigh_lack(limits, there.lacks[slot])
         if total > most:
             return total
     return total
@@ -345,7 +355,9 @@ def anneal_plan(
     """
     fleet = len(here.base.lengths)
     touched = own.touched
-    lacks = sum_of(here.lacks)
+    lacks = 0.0
+    for missing in here.lacks:
+        lacks += weigh_lack(limits, missing)
     for iteration in range(iterations):
         if lacks <= 0.0:
             return iteration

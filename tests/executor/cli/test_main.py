@@ -114,6 +114,7 @@ OPTIONS = {
     "demo": ["--network", "--radius", "--vehicles", "--speedup", "--seed", "--fault", "--autopilot", "--run", "--json"],
     "plan": [
         "--cost",
+        "--mtbf",
         "--solver",
         "--stretch",
         "--all-vehicles",

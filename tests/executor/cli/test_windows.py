@@ -92,3 +92,53 @@ def test_the_other_solvers_plan_too(place: Place, solver: str) -> None:
 def test_a_window_is_for_the_search_alone(place: Place) -> None:
     said = place.refused("plan", place.path("site.toml"), "--cost", "window", "--solver", "grasp")
     assert said == "--solver: expected search for --cost window, got grasp"
+
+
+def test_a_plan_chosen_by_its_coverage_checks_and_is_what_risk_says(place: Place) -> None:
+    tight(place)
+    site, plan = place.path("site.toml"), place.path("plan.json")
+    code, out, _ = place.run(
+        "plan", site, "--cost", "coverage", "--mtbf", "0.5", "--iterations", "20000", "--seconds", "600",
+        "--seed", "3", "-o", plan,
+    )  # fmt: skip
+    assert code == 0
+    assert "everything inspected: " in out
+    content = read_plan(Path(plan))
+    assert content.coverage is not None
+    assert (content.cost.name, content.cost.value) == ("coverage", content.coverage.probability)
+    assert place.run("check", plan)[:2] == (0, "every figure is right\n")
+    flown = ("--samples", str(content.coverage.flights), "--seed", "3", "--jobs", "1", "--json")
+    last = json.loads(place.run("risk", plan, "--mtbf", "0.5", *flown)[1])["finishing"][-1]
+    assert [last[key] for key in ("probability", "low_95", "high_95", "expected_uninspected_m")] == [
+        content.coverage.probability, content.coverage.low_95, content.coverage.high_95,
+        content.coverage.uninspected_m,
+    ]  # fmt: skip
+
+
+def test_a_changed_probability_is_found(place: Place) -> None:
+    plan = Path(place.path("plan.json"))
+    place.run(
+        "plan", place.path("site.toml"), "--cost", "coverage", "--mtbf", "0.5", "--iterations", "20000",
+        "--seconds", "600", "-o", str(plan),
+    )  # fmt: skip
+    document = json.loads(plan.read_text(encoding="utf-8"))
+    document["coverage"]["probability"] = document["cost"]["value"] = 0.125
+    plan.write_text(json.dumps(document), encoding="utf-8")
+    code, out, _ = place.run("check", str(plan))
+    assert code == 1
+    assert "coverage.probability is 0.125, its content gives " in out
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--cost", "coverage"), "--mtbf: expected flight hours between failures with --cost coverage, got none"),
+        (("--cost", "window", "--mtbf", "5"), "--mtbf: expected none without --cost coverage"),
+        (("--front", "--cost", "coverage", "--mtbf", "5"), "--mtbf: expected none without --cost coverage"),
+        (("--cost", "coverage", "--mtbf", "5", "--solver", "grasp"),
+         "--solver: expected search for --cost coverage, got grasp"),
+        (("--day", "--mtbf", "5"), "--mtbf: expected none with --day"),
+    ],
+)  # fmt: skip
+def test_coverage_is_refused_where_it_makes_no_sense(place: Place, options: tuple[str, ...], reason: str) -> None:
+    assert place.refused("plan", place.path("site.toml"), *options) == reason

@@ -12,7 +12,8 @@ import { clock } from "./words.js";
 /** @import { Store } from "./plan-store.js" */
 
 const SECONDS = [2, 5, 20, 60, 300];
-const COSTS = ["", "minmax", "minsum", "mincomb"];
+const COSTS = ["", "coverage", "minmax", "minsum", "mincomb"];
+const MTBF_H = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
 /**
  * Seconds from a midnight as a time of the day.
@@ -61,6 +62,10 @@ export class Result {
     this.seconds = menu(say("plan.seconds"), SECONDS.map((one) => [String(one), one < 60 ? `${one} s` : `${one / 60} min`]));
     this.seconds.made.value = "5";
     this.cost = menu(say("plan.cost"), COSTS.map((one) => [one, say(`cost.${one || "window"}`)]));
+    this.mtbf = menu(say("plan.mtbf"), MTBF_H.map((one) => [String(one), `${one} h`]));
+    this.mtbf.made.value = "100";
+    this.mtbf.label.hidden = true;
+    this.cost.made.addEventListener("change", () => this.showJob());
     this.front = tick(say("plan.front"));
     this.day = tick(say("plan.day"));
     this.busy = element("div", "", "busy");
@@ -78,7 +83,7 @@ export class Result {
     this.routes = element("div", "", "routes");
     this.lines = element("div", "", "lines");
     const options = element("div", "", "options");
-    options.append(this.seconds.label, this.cost.label, this.front.label, this.day.label);
+    options.append(this.seconds.label, this.cost.label, this.mtbf.label, this.front.label, this.day.label);
     const head = element("div", "", "start");
     head.append(this.start, options);
     place.append(head, this.busy, this.failed, this.stale, this.choices, this.notice, this.routes, this.lines);
@@ -96,8 +101,9 @@ export class Result {
     const { workspace, job } = this.store;
     if (!workspace?.site || job?.state === "running") return;
     const answer = await this.store.ask(() => server.plan({
-      revision: workspace.revision, seconds: Number(this.seconds.made.value), cost: this.cost.made.value || null, seed: 1,
-      front: this.front.made.checked, day: this.isDay,
+      revision: workspace.revision, seconds: Number(this.seconds.made.value), cost: (!this.isDay && this.cost.made.value) || null, seed: 1,
+      mtbf_h: this.isCoverage ? Number(this.mtbf.made.value) : null,
+      front: this.front.made.checked && !this.isCoverage, day: this.isDay,
     }));
     if (!answer) return;
     this.store.job = answer.job;
@@ -106,6 +112,10 @@ export class Result {
 
   get isDay() {
     return this.store.values.day !== undefined && this.day.made.checked;
+  }
+
+  get isCoverage() {
+    return this.cost.made.value === "coverage" && !this.isDay;
   }
 
   cancel() {
@@ -123,7 +133,8 @@ export class Result {
     const hasDay = this.store.values.day !== undefined;
     if (hasDay && this.day.label.hidden) this.day.made.checked = true;
     this.day.label.hidden = !hasDay;
-    this.front.label.hidden = this.isDay;
+    this.front.label.hidden = this.isDay || this.isCoverage;
+    this.mtbf.label.hidden = !this.isCoverage;
     if (!isRunning || !job) return;
     this.bar.max = Math.max(job.limit_s, 0.1);
     this.bar.value = Math.min(job.elapsed_s, job.limit_s);

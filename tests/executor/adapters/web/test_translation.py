@@ -25,7 +25,7 @@ UNREAD = (
     "executor/adapters/templates",
     "executor/flight/flight_recorder.py", "executor/flight/open_links.py", "executor/flight/restore_vehicles.py",
     "executor/flight/resume_flight.py", "executor/site/campaigns.py", "missions/exports",
-    "planner/bounds.py", "planner/exact.py", "planner/grasp.py", "planner/risk.py",
+    "planner/bounds.py", "planner/coverage.py", "planner/exact.py", "planner/grasp.py", "planner/risk.py",
     # Whose texts say what a code means, or what comes before what, for the reference; or are words in files.
     "executor/core/fleet_step.py", "executor/core/interface/codes.py", "executor/core/interface/intents.py",
     "executor/core/state/vehicle_state.py", "executor/core/telemetry/message_update.py",
