@@ -73,7 +73,7 @@ def build_site(
 
 def plan(
     site: Path | str | Mapping[str, Any], *, cost: Cost | None = None, seconds: float = DEFAULT.seconds,
-    seed: int = DEFAULT.seed, iterations: int | None = None, starts: int = 0,
+    seed: int = DEFAULT.seed, iterations: int | None = None, starts: int = 0, losses: int = 1,
 ) -> PlanFile:  # fmt: skip
     """Plan a site's inspection, as `faultline plan` does.
 
@@ -84,6 +84,7 @@ def plan(
         seed: Seed of all randomness.
         iterations: Iterations of each search; with the same number and `starts` every computer finds the same plan.
         starts: Parallel searches, 0 for one per processor.
+        losses: With 2 the re-plan window against the loss of any two vehicles; not beside a cost.
 
     Raises:
         ERRORS: The site cannot be used: one line with the file, the key and the expected value.
@@ -93,8 +94,9 @@ def plan(
     else:
         tables, base = read_site(Path(site)), Path(site).parent
     wanted = replace(
-        DEFAULT, cost=cost, usual=cost is None, seconds=seconds, seed=seed, iterations=iterations, starts=starts
-    )
+        DEFAULT, cost=cost, usual=cost is None and losses == 1, seconds=seconds, seed=seed, iterations=iterations,
+        starts=starts, losses=losses,
+    )  # fmt: skip
     return plan_site(load_site_model(tables, base), wanted)
 
 
@@ -107,13 +109,13 @@ def check(plan: PlanFile) -> list[str]:
     return check_plan(plan)
 
 
-def window(plan: PlanFile, *, seed: int = 0) -> ReplanWindow:
-    """Compute the time from which the fleet can absorb the loss of any one vehicle of a plan.
+def window(plan: PlanFile, *, seed: int = 0, losses: int = 1) -> ReplanWindow:
+    """Compute the time from which the fleet can absorb the loss of any one vehicle of a plan, or of any two.
 
     Raises:
-        ERRORS: The plan has only one vehicle.
+        ERRORS: Nobody is left after the losses, or their number is not 1 or 2.
     """
-    return replan_window(plan.build_instance(), plan.plan, seed=seed, fly_again=plan.fly_again)
+    return replan_window(plan.build_instance(), plan.plan, seed=seed, fly_again=plan.fly_again, losses=losses)
 
 
 def replan(

@@ -109,13 +109,20 @@ def describe_window(plan: PlanFile) -> list[str]:
     window = plan.window
     if window is None:
         return []
-    breaking = window.breaking
+    breaking, then = window.breaking, window.then
     before = "" if breaking is None else (
         f"; worst case before: {breaking.vehicle} at {breaking.from_s:.0f} to {breaking.to_s:.0f} s"
     )  # fmt: skip
+    if then is not None:
+        before += f", then {then.vehicle} at {then.from_s:.0f} to {then.to_s:.0f} s"
     share = f"re-plan window {window.window_pct:.0f} %"
-    absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
+    absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of {name_losses(window.losses or 1)}"
     return [f"{share}: {absorbs}{but_left_over(plan)}{before}"]
+
+
+def name_losses(count: int) -> str:
+    """Return in words which losses a window is about."""
+    return "any one vehicle" if count == 1 else "any two vehicles, one after the other or at once"
 
 
 def but_left_over(plan: PlanFile) -> str:
