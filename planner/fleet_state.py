@@ -6,15 +6,15 @@ becomes a state that can lose another vehicle: all times are counted from the la
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.evaluate import completion_times_s, compute_legs_pct, compute_legs_s
+from planner.evaluate import completion_times_s, compute_legs_pct, compute_legs_s, route_duration_s
 from planner.model import Instance, Plan, Route, lift_locks, renumber_visits, segment_of
 from planner.moves import FloatArray
-from planner.replan import FreeVehicle, RemainingProblem, RouteStart, build_survivor_start, reduce_instance
+from planner.replan import SAME_TIME_S, FreeVehicle, RemainingProblem, RouteStart, build_survivor_start, reduce_instance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +79,28 @@ class FleetAfterLosses:
         """
         routes, again = merge_routes(left, plan)
         return _rebuild_state(self, [survivor.vehicle for survivor in left.survivors], routes, again)
+
+
+def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
+    """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
+
+    Nothing changes between two of them, whichever vehicle is lost. If survivors continue as planned for ``answer_s``,
+    times that much earlier are included too.
+    """
+    times = [
+        time_s for route in plan.routes
+        for time_s in (*completion_times_s(instance, route), route_duration_s(instance, route))
+    ]  # fmt: skip
+    return merge_times(times, instance.answer_s)
+
+
+def merge_times(times_s: Iterable[float], answer_s: float) -> tuple[float, ...]:
+    """Return 0, the given times and those ``answer_s`` before them, ascending, without duplicates."""
+    events = [0.0]
+    for time_s in sorted(time_s for after_s in times_s for time_s in (after_s, after_s - answer_s)):
+        if time_s > events[-1] + SAME_TIME_S:
+            events.append(float(time_s))
+    return tuple(events)
 
 
 def build_state_before_losses(instance: Instance, plan: Plan) -> FleetAfterLosses:

@@ -23,12 +23,12 @@ import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import Cost, CriticalLoss, LossRow, evaluate
-from planner.fleet_state import FleetAfterLosses, build_state_before_losses
+from planner.fleet_state import FleetAfterLosses, build_state_before_losses, event_times_s
 from planner.model import Instance, Plan
 from planner.moves import FloatArray
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem, replan
 from planner.stop_rules import FirstFeasible, Iterations, combine_stop_rules
-from planner.window import EFFORT, event_times_s, iterate_losses
+from planner.window import EFFORT, iterate_losses
 
 FLIGHTS_PER_CHUNK = 10_000
 """Flights that share their re-plans; more chunks keep more processors busy."""

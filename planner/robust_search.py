@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.evaluate import Cost, WindowResult, evaluate, rank_window, route_duration_s, route_energy_pct
+from planner.fleet_state import merge_times
 from planner.kernels.arrays import FloatArray, RandomState, State, allocate
 from planner.kernels.repair import Loss, Repairs, RepairWorkspace, find_broken_interval, set_clock
 from planner.kernels.robust_walk import (
@@ -27,7 +28,7 @@ from planner.plan_search import build_kernel_problem, build_plan, build_random_s
 from planner.search import Search, run_in_threads
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
-from planner.window import find_broken_loss, merge_times, replan_window
+from planner.window import find_broken_loss, replan_window
 
 PAIRS = 40
 """Looks at a plan's whole window that a look at all pairs of losses counts as."""

@@ -8,17 +8,17 @@ other, so a ``LossScan`` checks its losses.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 
 from planner.errors import PlanError
 from planner.evaluate import Cost, CriticalLoss, LossRow, RepairStatus
-from planner.fleet_state import FleetAfterLosses, build_state_before_losses, merge_routes
+from planner.fleet_state import FleetAfterLosses, build_state_before_losses, event_times_s, merge_routes
 from planner.loss_scan import LossScan
-from planner.model import Instance, Plan
+from planner.model import Instance, Plan, segment_of
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem, replan
 from planner.stop_rules import Iterations
-from planner.window import event_times_s
 
 OTHER_COSTS = (Cost.MINSUM, Cost.MINCOMB, Cost.MINMAX)
 """Costs by which other re-plans of a first loss are searched for, if the one at hand does not survive a second loss."""
@@ -39,7 +39,8 @@ class SecondLosses:
         self._effort = effort
         self._seed = seed
         self._fly_again = fly_again
-        self._scans: dict[object, _StateScan] = {}
+        self._scans: dict[tuple[int, int], tuple[object, _StateScan]] = {}
+        """The latest scan for each vehicle lost first, and each of its delays; -1 before its re-plan is on board."""
 
     def find_replan(self, first: LossRow) -> Plan | CriticalLoss:
         """Return a re-plan of a first loss after which every second one has a re-plan, or a second one without.
@@ -62,7 +63,7 @@ class SecondLosses:
         return broken
 
     def is_impossible(self, first: CriticalLoss) -> bool:
-        """Return whether it is certain that some loss at the same time as the first, or before its answer, is final."""
+        """Return whether it is certain that a first loss and some second one at the same time have no re-plan."""
         return self._get_waiting_scan(first, self._build_left(first, 0.0)).is_impossible(first.from_s)
 
     def _build_left(self, first: CriticalLoss, later_s: float) -> RemainingProblem:
@@ -72,18 +73,25 @@ class SecondLosses:
 
     def _get_waiting_scan(self, first: CriticalLoss, left: RemainingProblem) -> _StateScan:
         """Return the scan of the state between a first loss and its answer: routes as planned, its segments open."""
-        key = (first.vehicle, left.completed)
-        if key not in self._scans:
-            kept = [survivor.vehicle for survivor in left.survivors]
-            flown = {visit >> 1 for one in kept for visit in self._plan.routes[one].visits}
-            done = {visit >> 1 for visit in left.completed}
-            missing = [segment for segment in range(self._instance.segments) if segment not in flown | done]
-            state = self._state.drop_vehicles(kept, missing)
-            self._scans[key] = self._build_scan(state, first.to_s + self._instance.answer_s)
-        return self._scans[key]
 
-    def _build_scan(self, state: FleetAfterLosses, until_s: float = math.inf) -> _StateScan:
-        return _StateScan(state, until_s, effort=self._effort, seed=self._seed, fly_again=self._fly_again)
+        def build_state() -> FleetAfterLosses:
+            kept = [survivor.vehicle for survivor in left.survivors]
+            flown = [visit for one in kept for visit in self._plan.routes[one].visits]
+            accounted = {segment_of(visit) for visit in (*flown, *left.completed)}
+            missing = [segment for segment in range(self._instance.segments) if segment not in accounted]
+            return self._state.drop_vehicles(kept, missing)
+
+        return self._get_scan((first.vehicle, -1), left.completed, build_state, first.to_s + self._instance.answer_s)
+
+    def _get_scan(
+        self, slot: tuple[int, int], key: object, build_state: Callable[[], FleetAfterLosses], until_s: float = math.inf
+    ) -> _StateScan:
+        """Return the scan of a state; the one of the following interval goes on if its state is the same."""
+        known = self._scans.get(slot)
+        if known is None or known[0] != key:
+            scan = _StateScan(build_state(), until_s, effort=self._effort, seed=self._seed, fly_again=self._fly_again)
+            known = self._scans[slot] = (key, scan)
+        return known[1]
 
     def _iterate_replans(self, first: LossRow, left: RemainingProblem) -> Iterator[Plan]:
         """Yield the given re-plan of a first loss, then others."""
@@ -97,14 +105,12 @@ class SecondLosses:
 
     def _find_broken_after(self, first: CriticalLoss, left: RemainingProblem, plan: Plan) -> CriticalLoss | None:
         """Return a loss without a re-plan of the state in which a re-plan is flown."""
-        for later_s in self._list_delays(first, left, plan):
-            left = self._build_left(first, later_s)
-            routes, again = merge_routes(left, plan)
-            takes_off_s = tuple((vehicle, survivor.free_s) for vehicle, survivor in again.items())
-            key = (first.vehicle, tuple(routes), takes_off_s)
-            if key not in self._scans:
-                self._scans[key] = self._build_scan(self._state.apply_plan(left, plan))
-            broken = self._scans[key].find_broken(left.at_s + self._instance.answer_s)
+        for number, later_s in enumerate(self._list_delays(first, left, plan)):
+            delayed = self._build_left(first, later_s)
+            routes, again = merge_routes(delayed, plan)
+            key = (routes, [(vehicle, survivor.free_s) for vehicle, survivor in again.items()])
+            scan = self._get_scan((first.vehicle, number), key, partial(self._state.apply_plan, delayed, plan))
+            broken = scan.find_broken(delayed.at_s + self._instance.answer_s)
             if broken is not None:
                 return broken
         return None

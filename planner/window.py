@@ -21,7 +21,7 @@ later in its interval; there one t1 stands for all with the same order of their 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby, takewhile
 
 from planner.errors import PlanError
@@ -31,10 +31,9 @@ from planner.evaluate import (
     LossRow,
     RepairStatus,
     ReplanWindow,
-    completion_times_s,
     evaluate,
-    route_duration_s,
 )
+from planner.fleet_state import event_times_s
 from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem
 from planner.solve import check_routes
@@ -189,28 +188,6 @@ def find_repairs_at(
         for row in here
         if row.plan is not None
     )
-
-
-def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
-    """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
-
-    Nothing changes between two of them, whichever vehicle is lost. If survivors continue as planned for ``answer_s``,
-    times that much earlier are included too.
-    """
-    times = [
-        time_s for route in plan.routes
-        for time_s in (*completion_times_s(instance, route), route_duration_s(instance, route))
-    ]  # fmt: skip
-    return merge_times(times, instance.answer_s)
-
-
-def merge_times(times_s: Iterable[float], answer_s: float) -> tuple[float, ...]:
-    """Return 0, the given times and those ``answer_s`` before them, ascending, without duplicates."""
-    events = [0.0]
-    for time_s in sorted(time_s for after_s in times_s for time_s in (after_s, after_s - answer_s)):
-        if time_s > events[-1] + SAME_TIME_S:
-            events.append(float(time_s))
-    return tuple(events)
 
 
 def check_fleet(instance: Instance, losses: int = 1) -> None:

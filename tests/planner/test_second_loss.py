@@ -23,10 +23,9 @@ from planner import (
 )
 from planner.evaluate import BUDGET_TOLERANCE_PCT, CriticalLoss
 from planner.exact import find_covering_plan
-from planner.fleet_state import merge_routes
+from planner.fleet_state import event_times_s, merge_routes
 from planner.loss_scan import LossScan
 from planner.second_loss import SecondLosses
-from planner.window import event_times_s
 from tests.planner.builders import fleet, line, random_instance
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.
