@@ -84,7 +84,7 @@ def plan(
         seed: Seed of all randomness.
         iterations: Iterations of each search; with the same number and `starts` every computer finds the same plan.
         starts: Parallel searches, 0 for one per processor.
-        losses: With 2 the re-plan window against the loss of any two vehicles; not beside a cost.
+        losses: With 2 the re-plan window against the loss of any two vehicles; not with a cost.
 
     Raises:
         ERRORS: The site cannot be used: one line with the file, the key and the expected value.

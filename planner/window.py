@@ -59,7 +59,7 @@ def replan_window(
         losses: number of vehicles that may be lost, 1 or 2; the certified time of 2 includes pairs lost at once.
 
     Raises:
-        PlanError: the plan does not match the instance, or nobody is left after the losses.
+        PlanError: the plan does not match the instance, or no vehicle is left after the losses.
     """
     check_routes(instance, plan)
     check_fleet(instance, losses)
@@ -199,6 +199,6 @@ def check_fleet(instance: Instance, losses: int = 1) -> None:
     if losses not in {1, 2}:
         raise PlanError(f"the number of losses is {losses}, expected 1 or 2")
     if losses == 2 and len(instance.vehicles) < 3:
-        raise PlanError(f"{len(instance.vehicles)} vehicles, expected 3 or more: nobody is left when two are lost")
+        raise PlanError(f"{len(instance.vehicles)} vehicles, expected 3 or more: no vehicle is left when two are lost")
     if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")

@@ -76,8 +76,8 @@ def solve_window(  # noqa: PLR0913 - problem, search length and start
         on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        PlanError: nobody is left after the losses, the stretch is negative, or a plan in ``initial`` does not match the
-            instance.
+        PlanError: no vehicle is left after the losses, the stretch is negative, or a plan in ``initial`` does not match
+            the instance.
     """
     check_fleet(instance, losses)
     if not stretch >= 0:
@@ -138,7 +138,7 @@ def find_pareto_front(  # noqa: PLR0913 - problem, search length and stretches
         on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        PlanError: nobody is left after the losses.
+        PlanError: no vehicle is left after the losses.
     """
     check_fleet(instance, losses)
     # Imported here, as in solve.py: it loads numba.

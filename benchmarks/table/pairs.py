@@ -1,4 +1,4 @@
-"""Windows against any two losses: what they cost, beside plans chosen against one loss."""
+"""Windows against any two losses: what they cost, compared with plans chosen against one loss."""
 
 from __future__ import annotations
 

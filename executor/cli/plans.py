@@ -210,7 +210,7 @@ def window(
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Compute the time from which the fleet can finish without any one vehicle, or any two, and what breaks this before.
+    """Compute the time from which the fleet can finish without any one or two vehicles, and the loss that breaks this.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
     that was found and checked. The certified time is a bound: before it at least one loss certainly has none. For a day
@@ -219,8 +219,8 @@ def window(
     plan_inputs.check_can_draw("--picture", picture)
     content = missions.read_any_plan(plan)
     if losses == 2 and (picture is not None or isinstance(content, missions.DayPlanFile)):
-        beside = "a day plan" if picture is None else "--picture"
-        raise SiteError(f"--losses: expected 1 beside {beside}, got 2")
+        what = "a day plan" if picture is None else "--picture"
+        raise SiteError(f"--losses: expected 1 with {what}, got 2")
     if isinstance(content, missions.DayPlanFile):
         if picture is not None:
             raise SiteError("--picture: expected none for a day plan; `plan --day --picture` draws its sorties")

@@ -81,11 +81,11 @@ class PlanRequest:
 
         Raises:
             PlanFileError: the solver does not support the window or an iteration limit, the paper's solver is to be
-                tuned, or losses are given beside a cost that does not look at them.
+                tuned, or two losses are given with a cost that does not take them into account.
         """
         if self.losses != 1 and (self.cost is not None or self.usual):
             cost = self.cost or planner.Cost.MINMAX
-            raise missions.PlanFileError(f"--losses: expected 1 beside --cost {cost.value}, got {self.losses}")
+            raise missions.PlanFileError(f"--losses: expected 1 with --cost {cost.value}, got {self.losses}")
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
             raise missions.PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
         if self.iterations is not None and self.solver is not PlanSolver.SEARCH:

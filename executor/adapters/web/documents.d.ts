@@ -339,8 +339,8 @@ export interface Window {
   longest_route_s: number;
   /** Latest loss before it without a re-plan. */
   breaking: BreakingLoss | null;
-  /** Number of vehicles that may be lost: one, or two one after the other or at once. */
-  losses: "1" | "2";
+  /** 2 if any two vehicles may be lost, one after the other or at once; None if any one may. */
+  losses: "2" | null;
   /** Second loss without a re-plan after that one; None if that one alone has none. */
   then: BreakingLoss | null;
 }

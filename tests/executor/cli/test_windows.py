@@ -65,7 +65,7 @@ def test_a_plan_chosen_by_its_window_is_no_worse_and_checks(place: Place) -> Non
     assert place.run("check", chosen)[:2] == (0, "every figure is right\n")
 
 
-def test_a_plan_against_two_losses_says_so_and_checks(place: Place) -> None:
+def test_a_plan_against_two_losses_names_them_and_checks(place: Place) -> None:
     place.site(vehicles=3)
     site, chosen = place.path("site.toml"), place.path("two.json")
     code, out, _ = place.run("plan", site, "--losses", "2", "--iterations", "2000", "-o", chosen)
@@ -82,10 +82,13 @@ def test_two_losses_are_refused_where_nobody_looks_at_them(place: Place) -> None
     plan, site = place.planned(), place.path("site.toml")
     for words, why in (
         (("window", plan, "--losses", "2"), "2 vehicles, expected 3 or more"),
-        (("window", plan, "--losses", "2", "--picture", place.path("window.png")), "--losses: expected 1 beside"),
+        (
+            ("window", plan, "--losses", "2", "--picture", place.path("window.png")),
+            "--losses: expected 1 with --picture",
+        ),
         (("plan", site, "--losses", "2"), "2 vehicles, expected 3 or more"),
-        (("plan", site, "--losses", "2", "--cost", "minmax"), "--losses: expected 1 beside --cost minmax, got 2"),
-        (("plan", site, "--losses", "2", "--day"), "--losses: expected none beside --day"),
+        (("plan", site, "--losses", "2", "--cost", "minmax"), "--losses: expected 1 with --cost minmax, got 2"),
+        (("plan", site, "--losses", "2", "--day"), "--losses: expected none with --day"),
         (("plan", site, "--losses", "2", "--solver", "grasp"), "--solver: expected search for --cost window"),
     ):
         code, _, err = place.run(*words)
