@@ -153,6 +153,9 @@ def table(
     iterations: Annotated[
         int | None, typer.Option(min=1, help="Iterations instead of seconds: the same table on every machine.")
     ] = None,
+    losses: Annotated[
+        int, typer.Option(min=1, max=2, help="With 2 another table: plans against any two losses, and their price.")
+    ] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one per core.")] = None,
     data: DataOption = None,
     out: OutOption = RESULTS,
@@ -160,24 +163,30 @@ def table(
 ) -> None:
     """Make the paper's table: re-plan windows by cost function, radius and tightness (about 40 minutes on 2 cores).
 
-    An interrupted run resumes where it stopped.
+    An interrupted run resumes where it stopped. With two losses: smaller radii and larger budgets, by default.
     """
     from benchmarks.machine import cores
     from benchmarks.table.command import make_table
-    from benchmarks.table.settings import RADII_M, TIGHTNESS, TableSettings
+    from benchmarks.table.settings import PAIR_RADII_M, PAIR_TIGHTNESS, RADII_M, TIGHTNESS, TableSettings
 
-    require_extra(Extra.PICTURES, "bench table")
     settings = TableSettings(
         network=_network_path(network, data),
-        radii_m=tuple(radius or RADII_M),
-        tightness=tuple(tightness or TIGHTNESS),
+        radii_m=tuple(radius or (RADII_M if losses == 1 else PAIR_RADII_M)),
+        tightness=tuple(tightness or (TIGHTNESS if losses == 1 else PAIR_TIGHTNESS)),
         seeds=seeds,
         seconds=seconds,
         window_seconds=window_seconds,
         iterations=iterations,
     )
+    if losses == 2:
+        from benchmarks.table.pairs import make_pairs
+
+        make_pairs(settings, out, jobs=jobs or cores(), fresh=fresh)
+        print(out / "pairs.md")
+        return
+    require_extra(Extra.PICTURES, "bench table")
     for summary in make_table(settings, out, jobs=jobs or cores(), fresh=fresh):
-        print(f"{summary.gains} of {summary.cells} cells gain a window over MinComb by {summary.solver}")
+        print(f"{summary.dominates} of {summary.cells} windows dominate those of MinComb by {summary.solver}")
     print(out / "table.md")
 
 

@@ -74,7 +74,7 @@ def build_site(
 def plan(
     site: Path | str | Mapping[str, Any], *, cost: Cost | None = None, seconds: float = DEFAULT.seconds,
     seed: int = DEFAULT.seed, iterations: int | None = None, starts: int = 0,
-    mtbf_h: float | None = None,
+    mtbf_h: float | None = None, losses: int = 1,
 ) -> PlanFile:  # fmt: skip
     """Plan a site's inspection, as `faultline plan` does.
 
@@ -87,6 +87,7 @@ def plan(
         starts: Parallel searches, 0 for one per processor.
         mtbf_h: Mean flight hours between failures of one vehicle: the plan most likely to inspect everything, instead
             of a cost; `coverage` of the result says how likely.
+        losses: With 2 the re-plan window against the loss of any two vehicles; not with a cost.
 
     Raises:
         ERRORS: The site cannot be used, or a cost is given with `mtbf_h`: one line with the file, the key and the
@@ -97,8 +98,8 @@ def plan(
     else:
         tables, base = read_site(Path(site)), Path(site).parent
     wanted = replace(
-        DEFAULT, cost=cost, mtbf_h=mtbf_h, usual=cost is None and mtbf_h is None, seconds=seconds, seed=seed,
-        iterations=iterations, starts=starts,
+        DEFAULT, cost=cost, mtbf_h=mtbf_h, usual=cost is None and mtbf_h is None and losses == 1, seconds=seconds,
+        seed=seed, iterations=iterations, starts=starts, losses=losses,
     )  # fmt: skip
     return plan_site(load_site_model(tables, base), wanted)
 
@@ -112,13 +113,13 @@ def check(plan: PlanFile) -> list[str]:
     return check_plan(plan)
 
 
-def window(plan: PlanFile, *, seed: int = 0) -> ReplanWindow:
-    """Compute the time from which the fleet can absorb the loss of any one vehicle of a plan.
+def window(plan: PlanFile, *, seed: int = 0, losses: int = 1) -> ReplanWindow:
+    """Compute the time from which the fleet can absorb the loss of any one vehicle of a plan, or of any two.
 
     Raises:
-        ERRORS: The plan has only one vehicle.
+        ERRORS: Nobody is left after the losses, or their number is not 1 or 2.
     """
-    return replan_window(plan.build_instance(), plan.plan, seed=seed, fly_again=plan.fly_again)
+    return replan_window(plan.build_instance(), plan.plan, seed=seed, fly_again=plan.fly_again, losses=losses)
 
 
 def replan(

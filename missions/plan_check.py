@@ -47,7 +47,9 @@ def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -
 
 def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
     try:
-        found = replan_window(content.build_instance(), content.plan, fly_again=content.fly_again)
+        found = replan_window(
+            content.build_instance(), content.plan, fly_again=content.fly_again, losses=written.losses or 1
+        )
     except PlanError as error:
         yield f"window: {error}"
         return

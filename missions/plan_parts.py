@@ -60,7 +60,7 @@ class BreakingLoss:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The re-plan window: the time from which the others can finish if any one vehicle is lost."""
+    """The re-plan window: the time from which the others can finish if any one vehicle is lost, or any two."""
 
     window_pct: Figure
     """Window as a share of the longest route."""
@@ -68,6 +68,10 @@ class Window:
     longest_route_s: Figure
     breaking: BreakingLoss | None = None
     """Latest loss before it without a re-plan."""
+    losses: Literal[2] | None = None
+    """2 if any two vehicles may be lost, one after the other or at once; None if any one may."""
+    then: BreakingLoss | None = None
+    """Second loss without a re-plan after that one; None if that one alone has none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,7 @@ class CoverageSearch(RobustSearch):
             raise PlanError("no plan found inspects everything within the budgets")
         for found in known:
             self._place_walker(self._looker, found.routes)
-            self._archive_found(FoundPlan(found.routes, self._estimate_failure(self._looker)))
+            self._archive_found(FoundPlan(found.routes, self._estimate_failure(self._looker), found.longest_s))
         best = min(self.archive, key=lambda found: found.earliest_s)
         self._walkers = [self._build_walker(self._seed + 2_000 + number, best) for number in range(self._starts)]
         reason = self._run_rounds(self._allow_walk)
@@ -92,7 +92,8 @@ class CoverageSearch(RobustSearch):
             walker.left -= max(1, done)
             if walker.left <= 0 or walker.here.lacks.sum() <= 0:
                 routes = tuple(route.visits for route in build_plan(walker.here.base).routes)
-                walker.found.append(FoundPlan(routes, self._estimate_failure(walker)))
+                longest_s = float(walker.here.clock.durations_s.max())
+                walker.found.append(FoundPlan(routes, self._estimate_failure(walker), longest_s))
                 iterations -= self._params.whole_look
                 walker.left = 0
                 walker.cycles += 1

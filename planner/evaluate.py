@@ -126,6 +126,9 @@ K_C = 1000.0
 BUDGET_TOLERANCE_PCT = 1e-6
 """A route exceeds its budget only by more than this: sums depend on the order of addition."""
 
+RANK_DIGITS = 6
+"""Decimals of the seconds by which windows are compared: sums depend on the order of addition."""
+
 
 def budget_excess_pct(energy_pct: float, budget_pct: float) -> float:
     """Return the energy of a route beyond its budget."""
@@ -223,15 +226,19 @@ class CriticalLoss:
 
 @dataclass(frozen=True, slots=True)
 class ReplanWindow:
-    """The time from which the fleet can absorb any one loss."""
+    """The time from which the fleet can absorb any one loss, or any two."""
 
     earliest_s: float
-    """t*: from here to the end of the longest route every loss has a re-plan; 0 for a full window."""
+    """t*: from here on every loss has a re-plan; 0 for a full window."""
     certified_earliest_s: float
     """Lower bound on t* for this plan: the end of the latest interval with a loss that is proven irreparable."""
     longest_route_s: float
     breaking: CriticalLoss | None
     """The loss just before ``earliest_s`` that has no re-plan; None for a full window."""
+    losses: int = 1
+    """Number of vehicles that may be lost: 1, or 2 one after the other or at once."""
+    then: CriticalLoss | None = None
+    """The second loss that has no re-plan after ``breaking``; None if ``breaking`` alone has none."""
 
     @property
     def window_pct(self) -> float:
@@ -247,6 +254,16 @@ class ReplanWindow:
         if self.longest_route_s <= 0:
             return 100.0
         return 100.0 * ((self.longest_route_s - earliest_s) / self.longest_route_s)
+
+
+def rank_window(earliest_s: float, longest_route_s: float) -> tuple[float, float]:
+    """Return what windows are compared by, the best first: t*, and of equal t* the shorter longest route.
+
+    Among plans within a limit on the longest route, the first in rank is never worse than one whose longest route is no
+    longer: its t* is not later, so neither is its window the smaller share of its longest route. A plan with a longer
+    route and a later t* may still have the larger percentage, and is beaten in both figures that a crew plans with.
+    """
+    return round(earliest_s, RANK_DIGITS), round(longest_route_s, RANK_DIGITS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -17,7 +18,7 @@ from planner.evaluate import (
     route_energy_pct,
 )
 from planner.exact import find_covering_plan
-from planner.kernels.arrays import FloatArray, Problem, State, allocate
+from planner.kernels.arrays import FloatArray, IntArray, Problem, State, allocate
 from planner.kernels.repair import (
     SAME_TIME_S,
     Loss,
@@ -53,16 +54,18 @@ class LossScan:
         self._timing = timing_of(instance)
         self._base = build_state(self._problem, [route.visits for route in plan.routes])
         self._clock = clock_of(self._problem, self._timing, self._base)
-        self._loss = loss_of(self._problem, instance.locked)
+        self._loss = loss_of(self._problem, instance.locked, list_losses(len(plan.routes)))
         self._repairs = build_empty_repairs(self._problem, len(plan.routes))
         self._desk = allocate(RepairWorkspace, k=len(plan.routes), n=instance.segments)
         self._ends_s = [completion_times_s(instance, route) for route in plan.routes]
         self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
         self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
 
-    def iterate_rows(self, effort: int) -> Iterator[LossRow]:
-        """Yield all losses, each computed on demand."""
+    def iterate_rows(self, effort: int, until_s: float = math.inf) -> Iterator[LossRow]:
+        """Yield all losses in intervals that begin before ``until_s``, each computed on demand."""
         for interval in range(len(self._events_s) - 2, -1, -1):
+            if self._events_s[interval] >= until_s - SAME_TIME_S:
+                continue
             for vehicle in self.find_flying_vehicles(interval):
                 yield self._build_row(interval, vehicle, effort)
 
@@ -77,11 +80,13 @@ class LossScan:
         Returns 0 if none is known.
         """
         for interval in range(len(self._events_s) - 2, -1, -1):
-            if self._events_s[interval] <= broken.from_s and any(
-                self._decide_loss(interval, vehicle) is True for vehicle in self.find_flying_vehicles(interval)
-            ):
+            if self._events_s[interval] <= broken.from_s and self.has_impossible_loss(interval):
                 return self._events_s[interval + 1]
         return 0.0
+
+    def has_impossible_loss(self, interval: int) -> bool:
+        """Return whether some loss in an interval is proven irreparable."""
+        return any(self._decide_loss(interval, vehicle) is True for vehicle in self.find_flying_vehicles(interval))
 
     def _build_row(self, interval: int, vehicle: int, effort: int) -> LossRow:
         from_s, to_s = self._events_s[interval : interval + 2]
@@ -108,10 +113,10 @@ class LossScan:
         plan = find_covering_plan(left.instance)
         if plan is None:
             return True
-        self._keep(vehicle, left, plan)
+        self.keep(vehicle, left, plan)
         return plan
 
-    def _keep(self, vehicle: int, left: RemainingProblem, plan: Plan) -> None:
+    def keep(self, vehicle: int, left: RemainingProblem, plan: Plan) -> None:
         """Store a re-plan as the known one of a loss, as a start for the previous interval."""
         repairs = self._repairs
         repairs.known[vehicle] = 1
@@ -190,8 +195,20 @@ def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
     return clock
 
 
-def loss_of(problem: Problem, locked: Mapping[int, int]) -> Loss:
-    """Return arrays for the problem after a loss; ``locked`` is that of the instance."""
+def list_losses(fleet: int, most: int = 1) -> IntArray:
+    """Return (losses, k) int64: every set of 1 to ``most`` vehicles as a row, with 1 for its members."""
+    sets = (lost for count in range(1, most + 1) for lost in itertools.combinations(range(fleet), count))
+    return np.array([[int(vehicle in lost) for vehicle in range(fleet)] for lost in sets], dtype=np.int64)
+
+
+def loss_of(problem: Problem, locked: Mapping[int, int], who: IntArray) -> Loss:
+    """Return arrays for the problem after a loss.
+
+    Args:
+        problem: the instance.
+        locked: that of the instance.
+        who: the losses, as ``list_losses`` gives them.
+    """
     keeper = np.full(len(problem.value) if locked else 0, -1, dtype=np.int64)
     keeper[list(locked)] = list(locked.values())
     own = problem._replace(
@@ -203,7 +220,7 @@ def loss_of(problem: Problem, locked: Mapping[int, int]) -> Loss:
         twin=np.full(len(problem.budget), -1, dtype=np.int64),  # equal on the ground, not after the loss
     )
     is_open, done = (np.zeros(len(figures), dtype=np.int64) for figures in (problem.value, problem.budget))
-    return Loss(own, is_open, done, keeper, np.full(1, -1, dtype=np.int64), BARRED_PCT)
+    return Loss(own, is_open, done, keeper, who, np.zeros(len(problem.budget), dtype=np.int64), BARRED_PCT)
 
 
 def build_empty_repairs(problem: Problem, losses: int) -> Repairs:

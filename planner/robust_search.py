@@ -10,7 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.evaluate import Cost, WindowResult, evaluate, route_duration_s, route_energy_pct
+from planner.evaluate import Cost, WindowResult, evaluate, rank_window, route_duration_s, route_energy_pct
+from planner.fleet_state import merge_times
 from planner.kernels.arrays import FloatArray, RandomState, State, allocate
 from planner.kernels.repair import Loss, Repairs, RepairWorkspace, find_broken_interval, set_clock
 from planner.kernels.robust_walk import (
@@ -20,14 +21,17 @@ from planner.kernels.robust_walk import (
     assess_repairs,
     take_repairs,
 )
-from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of
+from planner.loss_scan import build_empty_repairs, clock_of, list_losses, loss_of, timing_of
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.plan_search import build_kernel_problem, build_plan, build_random_state, build_state, copy_state, set_route
 from planner.search import Search, run_in_threads
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
-from planner.window import merge_times, replan_window
+from planner.window import find_broken_loss, replan_window
+
+PAIRS = 40
+"""Looks at a plan's whole window that a look at all pairs of losses counts as."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +40,12 @@ class FoundPlan:
 
     routes: tuple[tuple[int, ...], ...]
     earliest_s: float
+    longest_s: float
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Return what plans are chosen by."""
+        return rank_window(self.earliest_s, self.longest_s)
 
 
 @dataclass(slots=True)
@@ -77,7 +87,7 @@ class Walker:
 class RobustSearch(Search):
     """One search; call only ``run``."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - problem, search length and start
         self,
         instance: Instance,
         stop: StopRule,
@@ -87,6 +97,7 @@ class RobustSearch(Search):
         all_vehicles: bool,
         starts: int,
         fly_again: bool,
+        losses: int = 1,
         params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
         super().__init__(watch, batch=params.window.batch, starts=max(1, starts))
@@ -97,6 +108,8 @@ class RobustSearch(Search):
         self._all_vehicles = all_vehicles
         self._starts = max(1, starts)
         self._fly_again = fly_again
+        self._losses = losses
+        self._who = list_losses(len(instance.vehicles), losses)
         self._plans_params = params
         self._params = params.window
         self._problem = build_kernel_problem(instance)
@@ -108,12 +121,17 @@ class RobustSearch(Search):
         self._walkers: list[Walker] = []
         self.earliest_s = math.inf
         """The earliest window start so far."""
-        self._looker = self._build_walker(seed, FoundPlan((), math.inf))
+        self._looker = self._build_walker(seed, FoundPlan((), math.inf, math.inf))
         self.archive: list[FoundPlan] = []
         """All complete plans evaluated, and those that were the best when a walk found them."""
 
-    def run(self, *, stretch: float, longest_s: float | None, initial: Sequence[Plan]) -> WindowResult:
-        """Find initial plans, then improve them until the stop rule ends the search."""
+    def run(
+        self, *, stretch: float, longest_s: float | None, initial: Sequence[Plan], rivals: Sequence[Plan] = ()
+    ) -> WindowResult:
+        """Find initial plans, then improve them until the stop rule ends the search.
+
+        The result is no worse than any of the ``rivals`` whose longest route is within the limit.
+        """
         params = self._params
         plans = [
             self._solve_limited(self._instance, Cost.MINMAX, number, params.minmax_iterations)
@@ -133,13 +151,13 @@ class RobustSearch(Search):
             for plan in plans:
                 self._archive_plan(plan)
         if self.archive:
-            elite = sorted(self.archive, key=lambda found: found.earliest_s)
+            elite = sorted(self.archive, key=lambda found: found.rank)
             self._walkers = [
                 self._build_walker(self._seed + 1_000 + number, elite[number % len(elite)])
                 for number in range(self._starts)
             ]
             self._reason = self._run_rounds(self._allow_walk)
-        return self._choose_result(plans)
+        return self._choose_result(plans, rivals)
 
     def _ask(self, progress: Progress) -> StopVerdict:
         """Check the stop rule from a search for an initial plan, with all iterations so far."""
@@ -206,7 +224,11 @@ class RobustSearch(Search):
         used = [vehicle for vehicle, visits in enumerate(routes) if visits]
         choices = itertools.product((False, True), repeat=len(used) if len(used) <= self._params.most_flipped else 0)
         found = [self._evaluate_orientation(routes, dict(zip(used, flipped, strict=False))) for flipped in choices]
-        self._archive_found(min(found, key=lambda one: one.earliest_s))
+        best = min(found, key=lambda one: one.rank)
+        if self._losses > 1 and math.isfinite(best.earliest_s):
+            self._place_walker(self._looker, best.routes)
+            best = replace(best, earliest_s=self._find_window_begin(self._looker, math.inf)[0])
+        self._archive_found(best)
 
     def _evaluate_orientation(self, routes: Sequence[tuple[int, ...]], flipped: Mapping[int, bool]) -> FoundPlan:
         turned = tuple(
@@ -215,10 +237,10 @@ class RobustSearch(Search):
         )
         looker = self._looker
         self._place_walker(looker, turned)
-        base, clock = looker.here.base, looker.here.clock
-        if (base.loads > self._problem.budget).any() or clock.durations_s.max() > self._cap_s:
-            return FoundPlan(turned, math.inf)
-        return FoundPlan(turned, self._find_window_begin(looker)[0])
+        base, longest_s = looker.here.base, float(looker.here.clock.durations_s.max())
+        if (base.loads > self._problem.budget).any() or longest_s > self._cap_s:
+            return FoundPlan(turned, math.inf, longest_s)
+        return FoundPlan(turned, self._find_window_begin(looker)[0], longest_s)
 
     def _archive_found(self, found: FoundPlan) -> None:
         if math.isfinite(found.earliest_s):
@@ -244,7 +266,7 @@ class RobustSearch(Search):
             return
         for _ in range(waiting):
             self._archive_plan(self._find_other_plan())
-        elite = sorted(self.archive, key=lambda found: found.earliest_s)[: self._params.elite]
+        elite = sorted(self.archive, key=lambda found: found.rank)[: self._params.elite]
         for walker in walkers:
             if walker.waits:
                 walker.best, walker.start = elite[0], elite[walker.rounds % len(elite)]
@@ -256,14 +278,14 @@ class RobustSearch(Search):
         desk, own = (allocate(RepairWorkspace, k=fleet, n=self._instance.segments) for _ in range(2))
         return Walker(
             here=self._build_walk(base), there=self._build_walk(copy_state(base)),
-            loss=loss_of(self._problem, self._instance.locked),
-            desk=desk, own=own, full=build_empty_repairs(self._problem, fleet),
+            loss=loss_of(self._problem, self._instance.locked, self._who),
+            desk=desk, own=own, full=build_empty_repairs(self._problem, len(self._who)),
             rng=build_random_state(seed), best=best, start=best, step=self._params.first_step,
             probes_s=np.full(self._params.probes, -1.0), length=self._params.cycle,
         )  # fmt: skip
 
     def _build_walk(self, base: State) -> RobustWalk:
-        slots = self._params.probes * len(base.lengths)
+        slots = self._params.probes * len(self._who)
         walk = allocate(RobustWalk, losses=slots, k=len(base.lengths), n=len(base.route_of))
         repairs = build_empty_repairs(self._problem, slots)
         return walk._replace(base=base, clock=clock_of(self._problem, self._timing, base), repairs=repairs)
@@ -283,15 +305,25 @@ class RobustSearch(Search):
         visits_end_s = [clock.ends_s[route, :length] for route, length in enumerate(base.lengths)]
         return np.array(merge_times(np.concatenate([clock.durations_s, *visits_end_s]), self._instance.answer_s))
 
-    def _find_window_begin(self, walker: Walker) -> tuple[float, float]:
-        """Return the start of a plan's window and of the interval that breaks it, -1 if none does."""
+    def _find_window_begin(self, walker: Walker, before_s: float = 0.0) -> tuple[float, float]:
+        """Return the start of a plan's window and of the interval that breaks it, -1 if none does.
+
+        With two losses, only those at once count, unless the window then begins before ``before_s``.
+        """
         base, clock, events_s = walker.here.base, walker.here.clock, self._list_events_s(walker)
         walker.full.known[:] = 0
         interval = find_broken_interval(
             self._problem, self._timing, base, clock, events_s, self._fly_again, walker.loss, walker.full, walker.desk,
             self._params.look, walker.rng,
         )  # fmt: skip
-        return (0.0, -1.0) if interval < 0 else (float(events_s[interval + 1]), float(events_s[interval]))
+        found = (0.0, -1.0) if interval < 0 else (float(events_s[interval + 1]), float(events_s[interval]))
+        if self._losses == 1 or found[0] >= before_s:
+            return found
+        broken = find_broken_loss(
+            self._instance, build_plan(base), effort=self._params.look, seed=self._seed, fly_again=self._fly_again,
+            losses=self._losses,
+        )  # fmt: skip
+        return (0.0, -1.0) if broken is None else (broken.to_s, broken.from_s)
 
     def _walk(self, walker: Walker, iterations: int) -> None:
         while iterations > 0 and not walker.waits:
@@ -312,7 +344,7 @@ class RobustSearch(Search):
                 self._assess(walker)
             if walker.here.lacks.sum() <= 0:
                 self._verify_window(walker)
-                iterations -= self._params.whole_look
+                iterations -= self._params.whole_look * (1 if self._losses == 1 else PAIRS)
                 if walker.best.earliest_s <= 0:
                     return
             elif walker.left <= 0:
@@ -372,10 +404,11 @@ class RobustSearch(Search):
 
     def _verify_window(self, walker: Walker) -> None:
         """Evaluate the whole window of a plan whose losses at the probes can be repaired, and set a new aim."""
-        earliest_s, broken_s = self._find_window_begin(walker)
+        earliest_s, broken_s = self._find_window_begin(walker, walker.best.earliest_s)
         if earliest_s < walker.best.earliest_s:
             routes = tuple(route.visits for route in build_plan(walker.here.base).routes)
-            walker.best = walker.start = FoundPlan(routes, earliest_s)
+            longest_s = float(walker.here.clock.durations_s.max())
+            walker.best = walker.start = FoundPlan(routes, earliest_s, longest_s)
             walker.found.append(walker.best)
             walker.step = min(self._params.first_step, 1.5 * walker.step)
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
@@ -388,13 +421,20 @@ class RobustSearch(Search):
             walker.probes_s[1] = broken_s
         self._aim(walker)
 
-    def _choose_result(self, plans: Sequence[Plan]) -> WindowResult:
-        best = sorted(self.archive, key=lambda found: found.earliest_s)[: self._params.finalists]
-        candidates = [plan_from_routes(found.routes) for found in best] or [
+    def _choose_result(self, plans: Sequence[Plan], rivals: Sequence[Plan]) -> WindowResult:
+        """Return the first in rank of the best plans found and of their rivals, by their whole windows."""
+        best = sorted(self.archive, key=lambda found: found.rank)[: self._params.finalists]
+        given = (plan for plan in rivals if self._is_complete(plan) and self._route_s(plan) <= self._cap_s)
+        candidates = [*dict.fromkeys([*(plan_from_routes(found.routes) for found in best), *given])] or [
             min(plans, key=lambda plan: (len(plan.uncovered), self._route_s(plan)))
         ]
-        windows = [replan_window(self._instance, plan, fly_again=self._fly_again) for plan in candidates]
-        chosen = min(range(len(windows)), key=lambda number: windows[number].earliest_s)
+        windows = [
+            replan_window(self._instance, plan, fly_again=self._fly_again, losses=self._losses) for plan in candidates
+        ]
+        chosen = min(
+            range(len(windows)),
+            key=lambda number: rank_window(windows[number].earliest_s, windows[number].longest_route_s),
+        )
         return WindowResult(
             plan=candidates[chosen],
             window=windows[chosen],

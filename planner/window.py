@@ -4,12 +4,25 @@ Nothing changes between two completions, so a plan has a finite number of losses
 completions, each vehicle still flying in it. The window is the longest suffix of intervals in which every loss has a
 re-plan that was found and checked. Whether a loss can be repaired is not monotone in time, so the intervals are scanned
 from the end and the first loss without a re-plan ends the window.
+
+With two losses, t* is the earliest end of an interval from which every pair is absorbed: a first vehicle that flies at
+any t1 >= t*, and a second one that flies at any t2 >= t1, both chosen freely, vehicles and times. At t2 = t1, or t2 <
+t1 + answer_s, the second loss comes before the re-plan of the first is on board: the others fly on as planned, and one
+re-plan covers what both leave. Else they fly the re-plan of the first, the one that was found here, and another re-plan
+covers what the second leaves. That may be a vehicle that took off for the first re-plan, and after the end of the
+longest route of the plan. Every re-plan leaves each vehicle within its budget.
+
+The moments are again finite. What a pair leaves depends on which visits have ended at t1, t2 and ``answer_s`` after
+them, and on no other time: energy does not depend on when a move begins. t1 counts by the intervals of the plan, t2 by
+those of the routes flown then. Only vehicles that take off from the ground for the first re-plan do so later if t1 is
+later in its interval; there one t1 stands for all with the same order of their times and the others'
+(``second_loss.py``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import takewhile
+from collections.abc import Iterator, Sequence
+from itertools import groupby, takewhile
 
 from planner.errors import PlanError
 from planner.evaluate import (
@@ -18,10 +31,9 @@ from planner.evaluate import (
     LossRow,
     RepairStatus,
     ReplanWindow,
-    completion_times_s,
     evaluate,
-    route_duration_s,
 )
+from planner.fleet_state import event_times_s
 from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem
 from planner.solve import check_routes
@@ -31,7 +43,7 @@ EFFORT = 10_000
 
 
 def replan_window(
-    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
+    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True, losses: int = 1
 ) -> ReplanWindow:
     """Return the re-plan window of a plan.
 
@@ -44,34 +56,91 @@ def replan_window(
         effort: iterations of ruin and recreate for each loss that is not repaired at once.
         seed: seed of all randomness.
         fly_again: whether vehicles that are on the ground or returning may fly (again).
+        losses: number of vehicles that may be lost, 1 or 2; the certified time of 2 includes pairs lost at once.
 
     Raises:
-        PlanError: the plan does not match the instance, or has only one vehicle.
+        PlanError: the plan does not match the instance, or no vehicle is left after the losses.
     """
     check_routes(instance, plan)
-    check_fleet(instance)
+    check_fleet(instance, losses)
     evaluation = evaluate(instance, plan, Cost.MINMAX)
     longest_s, events = evaluation.longest_route_s, event_times_s(instance, plan)
     if plan.uncovered or evaluation.violations:
         flying = evaluation.durations_s.index(longest_s)
         return ReplanWindow(
-            longest_s, longest_s, longest_s, CriticalLoss(flying, events[-2] if longest_s else 0, longest_s)
+            longest_s, longest_s, longest_s, CriticalLoss(flying, events[-2] if longest_s else 0, longest_s), losses
         )
-    # Imported here, as in solve.py: it loads numba.
-    from planner.loss_scan import LossScan
-
     if instance.segments == 0:
-        return ReplanWindow(0.0, 0.0, longest_s, None)
-    losses = LossScan(instance, plan, events, seed=seed, fly_again=fly_again)
-    broken = next((row for row in losses.iterate_rows(effort) if row.verdict is not RepairStatus.FEASIBLE), None)
+        return ReplanWindow(0.0, 0.0, longest_s, None, losses)
+    scan = _WindowScan(instance, plan, events, effort=effort, seed=seed, fly_again=fly_again, losses=losses)
+    broken, then = scan.find_broken()
     if broken is None:
-        return ReplanWindow(0.0, 0.0, longest_s, None)
+        return ReplanWindow(0.0, 0.0, longest_s, None, losses)
     return ReplanWindow(
         earliest_s=broken.to_s,
-        certified_earliest_s=losses.last_impossible_s(broken),
+        certified_earliest_s=scan.find_last_impossible_s(broken),
         longest_route_s=longest_s,
         breaking=CriticalLoss(broken.vehicle, broken.from_s, broken.to_s),
+        losses=losses,
+        then=then,
     )
+
+
+def find_broken_loss(
+    instance: Instance, plan: Plan, *, effort: int, seed: int, fly_again: bool, losses: int
+) -> CriticalLoss | None:
+    """Return the loss that ends a complete plan's window, or the first of two that do; None for a full window."""
+    events = event_times_s(instance, plan)
+    scan = _WindowScan(instance, plan, events, effort=effort, seed=seed, fly_again=fly_again, losses=losses)
+    return scan.find_broken()[0]
+
+
+class _WindowScan:
+    """The losses of a plan, and with two losses the second ones after each of them."""
+
+    def __init__(
+        self, instance: Instance, plan: Plan, events_s: Sequence[float], *, effort: int, seed: int, fly_again: bool,
+        losses: int,
+    ) -> None:  # fmt: skip
+        # Imported here, as in solve.py: it loads numba.
+        from planner.loss_scan import LossScan
+
+        self._events_s, self._effort = events_s, effort
+        self._first = LossScan(instance, plan, events_s, seed=seed, fly_again=fly_again)
+        self._second = None
+        if losses > 1:
+            from planner.second_loss import SecondLosses
+
+            self._second = SecondLosses(self._first, instance, plan, effort=effort, seed=seed, fly_again=fly_again)
+
+    def find_broken(self) -> tuple[LossRow | None, CriticalLoss | None]:
+        """Return the last loss without a re-plan, or the last one with a second one that has none, and that one."""
+        for _, interval in groupby(self._first.iterate_rows(self._effort), key=lambda row: row.from_s):
+            rows = []
+            for row in interval:
+                if row.verdict is not RepairStatus.FEASIBLE:
+                    return row, None
+                rows.append(row)
+            if self._second is None:
+                continue
+            for row in rows:
+                if isinstance(then := self._second.find_replan(row), CriticalLoss):
+                    return row, then
+        return None, None
+
+    def find_last_impossible_s(self, broken: LossRow) -> float:
+        """Return the end of the last interval, not after a broken one, that is proven not to be in the window."""
+        alone_s = self._first.last_impossible_s(broken)
+        if self._second is None:
+            return alone_s
+        for interval in range(len(self._events_s) - 2, -1, -1):
+            from_s, to_s = self._events_s[interval : interval + 2]
+            if to_s <= alone_s:
+                break
+            flying = () if from_s > broken.from_s else self._first.find_flying_vehicles(interval)
+            if any(self._second.is_impossible(CriticalLoss(vehicle, from_s, to_s)) for vehicle in flying):
+                return to_s
+        return alone_s
 
 
 def iterate_losses(
@@ -121,33 +190,15 @@ def find_repairs_at(
     )
 
 
-def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
-    """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
-
-    Nothing changes between two of them, whichever vehicle is lost. If survivors continue as planned for ``answer_s``,
-    times that much earlier are included too.
-    """
-    times = [
-        time_s for route in plan.routes
-        for time_s in (*completion_times_s(instance, route), route_duration_s(instance, route))
-    ]  # fmt: skip
-    return merge_times(times, instance.answer_s)
-
-
-def merge_times(times_s: Iterable[float], answer_s: float) -> tuple[float, ...]:
-    """Return 0, the given times and those ``answer_s`` before them, ascending, without duplicates."""
-    events = [0.0]
-    for time_s in sorted(time_s for after_s in times_s for time_s in (after_s, after_s - answer_s)):
-        if time_s > events[-1] + SAME_TIME_S:
-            events.append(float(time_s))
-    return tuple(events)
-
-
-def check_fleet(instance: Instance) -> None:
-    """Check that a vehicle is left after a loss.
+def check_fleet(instance: Instance, losses: int = 1) -> None:
+    """Check that a vehicle is left after one loss or two.
 
     Raises:
-        PlanError: there is only one vehicle.
+        PlanError: none is left, or it is another number of losses.
     """
+    if losses not in {1, 2}:
+        raise PlanError(f"the number of losses is {losses}, expected 1 or 2")
+    if losses == 2 and len(instance.vehicles) < 3:
+        raise PlanError(f"{len(instance.vehicles)} vehicles, expected 3 or more: no vehicle is left when two are lost")
     if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")

@@ -48,10 +48,14 @@ def solve_window(  # noqa: PLR0913 - problem, search length and start
     initial: Sequence[Plan] = (),
     starts: int = 1,
     fly_again: bool = True,
+    losses: int = 1,
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> WindowResult:
     """Return the plan with the earliest t* found whose longest route is within the allowed length.
+
+    Of plans with equal t* it is the one with the shorter longest route. So the plan is never worse, neither in seconds
+    nor in percent of its longest route, than one in ``initial`` whose longest route is no longer.
 
     The same seed, starts and number of iterations give the same plan. An iteration is one evaluated plan, by the
     searches for initial plans or on the window itself; the value in ``Progress`` is t* in seconds.
@@ -66,14 +70,16 @@ def solve_window(  # noqa: PLR0913 - problem, search length and start
         initial: initial plans in addition to those that the search finds.
         starts: parallel searches, one thread each; they share their best plans from time to time.
         fly_again: whether landed vehicles may fly again after a loss.
+        losses: number of vehicles that may be lost, 1 or 2. With 2 the walks work on pairs lost at once; a plan counts
+            by its window against all pairs.
         params: tuning of the searches. The plan depends on it.
         on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        PlanError: there is only one vehicle, the stretch is negative, or a plan in ``initial`` does not match the
-            instance.
+        PlanError: no vehicle is left after the losses, the stretch is negative, or a plan in ``initial`` does not match
+            the instance.
     """
-    check_fleet(instance)
+    check_fleet(instance, losses)
     if not stretch >= 0:
         raise PlanError(f"the stretch is {stretch}, expected zero or more")
     for plan in initial:
@@ -83,9 +89,9 @@ def solve_window(  # noqa: PLR0913 - problem, search length and start
 
     search = RobustSearch(
         instance, add_progress_report(stop, on_progress), Stopwatch(), seed=seed, all_vehicles=all_vehicles,
-        starts=starts, fly_again=fly_again, params=params,
+        starts=starts, fly_again=fly_again, losses=losses, params=params,
     )  # fmt: skip
-    return search.run(stretch=stretch, longest_s=longest_s, initial=initial)
+    return search.run(stretch=stretch, longest_s=longest_s, initial=initial, rivals=initial)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +115,7 @@ def find_pareto_front(  # noqa: PLR0913 - problem, search length and stretches
     starts: int = 1,
     stretches: Sequence[float] = STRETCHES,
     fly_again: bool = True,
+    losses: int = 1,
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> tuple[ParetoPlan, ...]:
@@ -125,13 +132,15 @@ def find_pareto_front(  # noqa: PLR0913 - problem, search length and stretches
         starts: parallel searches for each stretch.
         stretches: how much longer than the best MinMax plan's the longest route may be, as shares of it.
         fly_again: whether landed vehicles may fly again after a loss.
+        losses: number of vehicles that may be lost, 1 or 2. With 2 the walks work on pairs lost at once; a plan counts
+            by its window against all pairs.
         params: tuning of the searches.
         on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        PlanError: there is only one vehicle.
+        PlanError: no vehicle is left after the losses.
     """
-    check_fleet(instance)
+    check_fleet(instance, losses)
     # Imported here, as in solve.py: it loads numba.
     from planner.robust_search import RobustSearch, plan_from_routes
 
@@ -153,7 +162,8 @@ def find_pareto_front(  # noqa: PLR0913 - problem, search length and stretches
         for stretch in sorted(stretches):
             search = RobustSearch(
                 instance, add_progress_report(combine_stop_rules(Iterations(length), ask_over_all), on_progress), watch,
-                seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again, params=params,
+                seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again,
+                losses=losses, params=params,
             )  # fmt: skip
             done += search.run(stretch=stretch, longest_s=None, initial=tuple(plans)).iterations
             full = full and search.earliest_s <= 0
@@ -164,15 +174,18 @@ def find_pareto_front(  # noqa: PLR0913 - problem, search length and stretches
         number += 1
     kept: list[ParetoPlan] = []
     # Of equal plans the first is kept.
-    for plan in sorted((_evaluate_plan(instance, plan, fly_again=fly_again) for plan in plans), key=_sort_key):
+    for plan in sorted(
+        (_evaluate_plan(instance, plan, fly_again=fly_again, losses=losses) for plan in plans), key=_sort_key
+    ):
         most = [figure + SAME * abs(figure) for figure in _sort_key(plan)]
         if not any(all(map(le, _sort_key(other), most)) for other in kept):
             kept.append(plan)
     return tuple(kept)
 
 
-def _evaluate_plan(instance: Instance, plan: Plan, *, fly_again: bool) -> ParetoPlan:
-    evaluation, window = evaluate(instance, plan, Cost.MINMAX), replan_window(instance, plan, fly_again=fly_again)
+def _evaluate_plan(instance: Instance, plan: Plan, *, fly_again: bool, losses: int) -> ParetoPlan:
+    evaluation = evaluate(instance, plan, Cost.MINMAX)
+    window = replan_window(instance, plan, fly_again=fly_again, losses=losses)
     return ParetoPlan(plan, evaluation.longest_route_s, sum(evaluation.energies_pct), window)
 
 

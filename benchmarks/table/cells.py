@@ -8,6 +8,7 @@ from statistics import fmean
 
 from benchmarks.store import Json
 from planner import Cost
+from planner.evaluate import rank_window
 
 NEAR_S = 1e-6
 """Times that differ by less are equal."""
@@ -28,6 +29,16 @@ class PlanFigures:
     longest_pct: float
     feasible: bool
     """Whether everything is inspected within the budgets; any other plan's window is empty."""
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What plans within a limit on the longest route are chosen by, the best first."""
+        return rank_window(self.earliest_s, self.longest_s)
+
+    def dominates(self, other: PlanFigures) -> bool:
+        """Return whether this plan has no later t* and no longer longest route than another, and is better in one."""
+        no_worse = self.earliest_s <= other.earliest_s + NEAR_S and self.longest_s <= other.longest_s + NEAR_S
+        return no_worse and self.rank != other.rank
 
     @classmethod
     def from_content(cls, content: Json) -> PlanFigures:
@@ -91,9 +102,16 @@ class Against:
         return self.chosen.plan.earliest_s < self.mincomb.earliest_s - NEAR_S
 
     @property
-    def gains(self) -> bool:
-        """Whether its window is also a larger share of its longest route, which may be shorter."""
-        return self.earlier and self.chosen.plan.window_pct > self.mincomb.window_pct
+    def window_pct(self) -> float:
+        """Its window as a share of the MinComb plan's longest route, so that percent and seconds agree."""
+        longest_s = self.mincomb.longest_s
+        return 100.0 * (longest_s - self.chosen.plan.earliest_s) / longest_s
+
+    @property
+    def dominating(self) -> str:
+        """Which plan dominates the other: `window`, `MinComb`, or `-` for neither."""
+        chosen, mincomb = self.chosen.plan, self.mincomb
+        return "window" if chosen.dominates(mincomb) else "MinComb" if mincomb.dominates(chosen) else "-"
 
     @property
     def reduction(self) -> float:
@@ -144,8 +162,10 @@ class Summary:
     cells: int
     earlier: int
     """Cells where the plan chosen for its window has an earlier t* than the best MinComb plan at the same stretch."""
-    gains: int
-    """Cells where its window is also a larger share of its longest route."""
+    dominates: int
+    """Cells where it dominates the MinComb plan: in none of t* and longest route worse, in one better."""
+    dominated: int
+    """Cells where the MinComb plan dominates it."""
     settled: int
     """Cells where no gain is possible."""
     open: int
@@ -162,7 +182,8 @@ def summary_of(cells: Sequence[Cell], solver: str) -> Summary:
         solver=solver,
         cells=len(against),
         earlier=sum(one.earlier for one in against),
-        gains=sum(one.gains for one in against),
+        dominates=sum(one.dominating == "window" for one in against),
+        dominated=sum(one.dominating == "MinComb" for one in against),
         settled=sum(one.settled for one in against),
         open=len(still_open),
         mean_reduction=fmean(one.reduction for one in still_open) if still_open else None,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from benchmarks.problems import network_of
 from benchmarks.store import Json, Store
-from benchmarks.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb
+from benchmarks.table.cells import NEAR_S, Against, Cell, PlanFigures, Series, Stretched, best_mincomb
 from benchmarks.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
 from benchmarks.table.tasks import Routes, TableTask, TaskKind, do
 from executor.adapters.interrupts import start_worker_pool
@@ -61,7 +61,7 @@ def make(maker: Maker) -> tuple[Cell, ...]:
         TableTask(TaskKind.PLAN, radius, solver=solver, cost=Cost.MINMAX, seed=seed)
         for radius in table.radii_m for solver in SOLVERS for seed in range(table.seeds)
     ])  # fmt: skip
-    frames = [_frame(radius, tightness, free) for radius in table.radii_m for tightness in table.tightness]
+    frames = [build_frame(radius, tightness, free) for radius in table.radii_m for tightness in table.tightness]
     plans = maker.make_all(
         "plans and their windows", [task for frame in frames for task in _plan_tasks(frame, free, table)]
     )
@@ -81,7 +81,7 @@ def make(maker: Maker) -> tuple[Cell, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Frame:
+class Frame:
     """A cell without results."""
 
     radius_m: float
@@ -92,16 +92,18 @@ class _Frame:
     best_s: float
 
     def task(self, kind: TaskKind) -> TableTask:
+        """Return a task of this cell."""
         return TableTask(kind, self.radius_m, self.tightness, self.budget_pct)
 
 
-def _frame(radius_m: float, tightness: float, free: Results) -> _Frame:
+def build_frame(radius_m: float, tightness: float, free: Results) -> Frame:
+    """Return a cell's budget, from the best of the MinMax plans without budgets."""
     of_radius = [result for task, result in free.items() if task.radius_m == radius_m]
     best = min(of_radius, key=lambda result: float(result["longest_pct"]))
-    return _Frame(radius_m, tightness, best["longest_pct"] / tightness, _routes(best), best["longest_s"])
+    return Frame(radius_m, tightness, best["longest_pct"] / tightness, _routes(best), best["longest_s"])
 
 
-def _plan_tasks(frame: _Frame, free: Results, table: TableSettings) -> Iterator[TableTask]:
+def _plan_tasks(frame: Frame, free: Results, table: TableSettings) -> Iterator[TableTask]:
     """Yield the plans of a cell; a MinMax plan does not depend on the budget, its window does."""
     radius, tightness, budget = frame.radius_m, frame.tightness, frame.budget_pct
     for task, result in free.items():
@@ -115,14 +117,14 @@ def _plan_tasks(frame: _Frame, free: Results, table: TableSettings) -> Iterator[
                 yield TableTask(TaskKind.PLAN, radius, tightness, budget, solver, cost, seed)
 
 
-def _robust_task(frame: _Frame, stretch: float, initial: Routes) -> TableTask:
+def _robust_task(frame: Frame, stretch: float, initial: Routes) -> TableTask:
     return TableTask(
         TaskKind.ROBUST, frame.radius_m, frame.tightness, frame.budget_pct,
         stretch=stretch, routes=initial, longest_s=frame.best_s,
     )  # fmt: skip
 
 
-def _mincomb_routes(frame: _Frame, plans: Results, solver: PlanSolver) -> Routes:
+def _mincomb_routes(frame: Frame, plans: Results, solver: PlanSolver) -> Routes:
     """Return the routes of a solver's best MinComb plan."""
     wanted = (frame.radius_m, frame.tightness, Cost.MINCOMB, solver)
     results = [
@@ -131,7 +133,7 @@ def _mincomb_routes(frame: _Frame, plans: Results, solver: PlanSolver) -> Routes
     return _routes(max(results, key=lambda result: (result["window_pct"], -float(result["earliest_s"]))))
 
 
-def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
+def _series(frame: Frame, plans: Results) -> tuple[Series, ...]:
     def of(solver: PlanSolver, cost: Cost) -> tuple[PlanFigures, ...]:
         wanted = (frame.radius_m, frame.tightness, solver, cost)
         return tuple(
@@ -143,23 +145,24 @@ def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
     return tuple(Series(solver.value, cost.value, of(solver, cost)) for solver in SOLVERS for cost in COSTS)
 
 
-def _best_stretch(frame: _Frame, series: Sequence[Series], solver: PlanSolver) -> float:
+def _best_stretch(frame: Frame, series: Sequence[Series], solver: PlanSolver) -> float:
     """Return the stretch of a solver's best MinComb plan; one shorter than MinMax has none."""
     longest_s = best_mincomb(series, solver.value).longest_s
     return max(0.0, longest_s / frame.best_s - 1.0)
 
 
 def _cell(
-    frame: _Frame, table: TableSettings, series: tuple[Series, ...], chosen: Results, least_earliest_s: float
+    frame: Frame, table: TableSettings, series: tuple[Series, ...], chosen: Results, least_earliest_s: float
 ) -> Cell:
     def at(stretch: float) -> Stretched:
-        # A plan for a shorter longest route is valid for a longer one too.
+        # A plan counts wherever its longest route is short enough, at whatever stretch it was found.
         fitting = (
             PlanFigures.from_content(result)
             for task, result in chosen.items()
-            if (task.radius_m, task.tightness) == (frame.radius_m, frame.tightness) and (task.stretch or 0.0) <= stretch
+            if (task.radius_m, task.tightness) == (frame.radius_m, frame.tightness)
+            and ((task.stretch or 0.0) <= stretch or result["longest_s"] <= (1.0 + stretch) * frame.best_s + NEAR_S)
         )
-        return Stretched(stretch, min(fitting, key=lambda plan: (plan.earliest_s, -plan.window_pct)))
+        return Stretched(stretch, min(fitting, key=lambda plan: plan.rank))
 
     return Cell(
         radius_m=frame.radius_m,

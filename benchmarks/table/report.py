@@ -47,12 +47,16 @@ def _preamble(settings: TableSettings) -> str:
         "The window is the share of the longest route's time in which the fleet can absorb any one loss: a re-plan was "
         "found and checked; t* is when it begins, so less is better. Tightness is the best MinMax found by anybody "
         "over C_max: the budget of each route is C_max.\n\n"
-        f"Each plan by a cost function had {each} on one core, {settings.seeds} seeds each. GRASP is the paper's "
-        "solver, of at most 50 runs, stopped by the same limit; search is faultline's own. "
-        f"A plan chosen for its window (`window`) had {window} on one core, one seed. *Stretch* is how much longer "
-        "than the best MinMax plan's its longest route may be; what was found at a smaller stretch counts at a larger "
-        "one too. At the stretch of a solver's best MinComb plan the search begins with that plan besides its own. "
-        "Bounds are certain: no window of that plan, or of any "
+        f"Each plan by a cost function had {each} of processor time on one core, {settings.seeds} seeds each. GRASP is "
+        "the paper's solver, of at most 50 runs, stopped by the same limit; search is faultline's own. "
+        f"A plan chosen for its window (`window`) had {window}, one seed. *Stretch* is how much longer than the best "
+        "MinMax plan's its longest route may be; a plan counts at every stretch that its longest route is short enough "
+        "for. Of those the one with the earliest t* is taken, of equal t* the one with the shorter longest route: none "
+        "of them with a longest route as short has an earlier t*, or a larger window in percent. A plan with a longer "
+        "route may have the later t* and still the larger percentage; *at equal length* therefore gives the window as "
+        "a share of the MinComb plan's longest route, and *dominates* names the plan of which neither t* nor the "
+        "longest route is worse, and one is better. At the stretch of a solver's best MinComb plan the search begins "
+        "with that plan besides its own. Bounds are certain: no window of that plan, or of any "
         "plan, begins before them."
     )
 
@@ -64,9 +68,9 @@ def _summarize_solver(cells: Sequence[Cell], solver: str) -> str:
         mean = f"t* is {100 * summary.mean_reduction:.1f} % less on average (cells of that kind: {summary.open})"
     return (
         f"- At the stretch that the best MinComb plan of {solver} takes (by its window, over all seeds), the plan "
-        f"chosen for its window has the earlier t* in {summary.earlier} of {summary.cells} cells. Its longest route "
-        "may be the shorter one, of which the same t* leaves a smaller share: in "
-        f"{summary.gains} cells the window is larger in percent too. Where the bound leaves {100 * LEAVES:.0f} % of "
+        f"chosen for its window has the earlier t* in {summary.earlier} of {summary.cells} cells. It dominates the "
+        f"MinComb plan in {summary.dominates}, and is dominated in {summary.dominated}: neither t* nor the longest "
+        f"route is worse, and one is better. Where the bound leaves {100 * LEAVES:.0f} % of "
         f"t* or more to gain: {mean}. Cells in which nothing is left to gain, for the best MinComb plan is as good as "
         f"the bound allows: {summary.settled} of {summary.cells}."
     )
@@ -81,16 +85,18 @@ def _gains(cells: Sequence[Cell], solver: str) -> str:
             _pct(100 * one.chosen.stretch),
             _pct(one.mincomb.window_pct),
             _pct(one.chosen.plan.window_pct),
+            _pct(one.window_pct),
             figure(one.mincomb.earliest_s, 0),
             figure(one.chosen.plan.earliest_s, 0),
             figure(one.least_earliest_s, 0),
             _pct(100 * one.reduction),
             _pct(100 * one.most_reduction),
+            one.dominating,
         )
         for cell, one in compared
     ]
-    columns = ("D_max m", "tightness", "stretch %", "MinComb %", "window %", "MinComb t* s", "window t* s",
-               "bound s", "t* less by %", "at most %")  # fmt: skip
+    columns = ("D_max m", "tightness", "stretch %", "MinComb %", "window %", "at equal length %", "MinComb t* s",
+               "window t* s", "bound s", "t* less by %", "at most %", "dominates")  # fmt: skip
     return markdown_table(columns, rows)
 
 

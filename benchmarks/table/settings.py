@@ -10,6 +10,9 @@ from planner import Cost, Iterations, Seconds, StopRule
 
 RADII_M = (500.0, 700.0, 1000.0, 1200.0, 2000.0)
 TIGHTNESS = (0.78, 0.82, 0.86, 0.90)
+PAIR_TIGHTNESS = (0.60, 0.70, 0.78)
+"""Two survivors of four have to do the work of all: at the tightness of the other table little is left of a window."""
+PAIR_RADII_M = (500.0, 700.0)
 STRETCHES = (0.0, 0.05, 0.10, 0.20)
 DRONE = "mavic2"
 TRANSIT_M_S, INSPECTION_M_S = 5.0, 1.0

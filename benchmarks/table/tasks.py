@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
@@ -24,8 +26,10 @@ from planner import (
     evaluate,
     replan_window,
     solve_window,
+    stop_rules,
     travel_for,
 )
+from planner.evaluate import WindowResult
 
 Routes = tuple[tuple[int, ...], ...]
 
@@ -39,6 +43,8 @@ class TaskKind(StrEnum):
     """Window of an existing plan."""
     ROBUST = "robust"
     """A plan chosen for its window."""
+    PAIRS = "pairs"
+    """A plan chosen for its window against one loss or two, and its windows against either."""
     BOUND = "bound"
     """Lower bound of the begin of any plan's window."""
 
@@ -61,6 +67,8 @@ class TableTask:
     """The plan to evaluate, or an initial one."""
     longest_s: float = 0.0
     """Longest route of the best MinMax plan."""
+    losses: int = 1
+    """Number of losses that a plan is chosen against."""
 
     @property
     def key(self) -> str:
@@ -68,6 +76,7 @@ class TableTask:
         parts: list[object] = [self.kind.value, f"{self.radius_m:g}"]
         parts += [] if self.tightness is None else [f"{self.tightness:g}"]
         parts += [part.value for part in (self.solver, self.cost) if part is not None]
+        parts += [self.losses] if self.kind is TaskKind.PAIRS else []
         return "-".join(map(str, [*parts, self.seed if self.stretch is None else f"{self.stretch:.4f}"]))
 
     def settings(self, table: TableSettings) -> Mapping[str, object]:
@@ -81,13 +90,28 @@ class TableTask:
         }
         if self.kind is TaskKind.PLAN:
             content |= {"seconds": table.seconds, "iterations": table.iterations}
-        if self.kind is TaskKind.ROBUST:
+        if self.kind in {TaskKind.ROBUST, TaskKind.PAIRS}:
             content |= {"window_seconds": table.window_seconds, "iterations": table.iterations}
         return content
 
 
 def do(task: TableTask, table: TableSettings) -> Json:
     """Run a work unit; its figures are recomputed from the definition for every plan."""
+    with _use_processor_time():
+        return _do(task, table)
+
+
+@contextmanager
+def _use_processor_time() -> Iterator[None]:
+    """Count the time limits of searches in processor time, which other programs on the machine do not change."""
+    usual, stop_rules.clock_s = stop_rules.clock_s, time.process_time
+    try:
+        yield
+    finally:
+        stop_rules.clock_s = usual
+
+
+def _do(task: TableTask, table: TableSettings) -> Json:
     instance = _instance(table.network, task.radius_m)
     if task.budget_pct is not None:
         instance = with_budget(instance, task.budget_pct)
@@ -98,6 +122,8 @@ def do(task: TableTask, table: TableSettings) -> Json:
             return _figures(instance, _plan_of(task.routes))
         case TaskKind.ROBUST:
             return _robust(task, table, instance)
+        case TaskKind.PAIRS:
+            return _pairs(task, table, instance)
         case TaskKind.BOUND:
             return {"least_earliest_s": earliest_window_bound_s(instance)}
 
@@ -116,7 +142,20 @@ def _plan(task: TableTask, table: TableSettings, instance: Instance) -> Json:
 
 
 def _robust(task: TableTask, table: TableSettings, instance: Instance) -> Json:
-    result = solve_window(
+    result = _choose(task, table, instance)
+    return _figures(instance, result.plan, result.window)
+
+
+def _pairs(task: TableTask, table: TableSettings, instance: Instance) -> Json:
+    result = _choose(task, table, instance)
+    return {
+        "seconds": result.seconds,
+        "windows": [_figures(instance, result.plan, replan_window(instance, result.plan, losses=n)) for n in (1, 2)],
+    }
+
+
+def _choose(task: TableTask, table: TableSettings, instance: Instance) -> WindowResult:
+    return solve_window(
         instance,
         stretch=task.stretch or 0.0,
         stop=table.window_stop(),
@@ -124,8 +163,8 @@ def _robust(task: TableTask, table: TableSettings, instance: Instance) -> Json:
         all_vehicles=True,
         longest_s=task.longest_s,
         initial=[_plan_of(task.routes)] if task.routes else (),
+        losses=task.losses,
     )
-    return _figures(instance, result.plan, result.window)
 
 
 def _figures(instance: Instance, plan: Plan, window: ReplanWindow | None = None) -> Json:

@@ -181,6 +181,16 @@ JobsOption = Annotated[
 ]
 
 
+LossesOption = Annotated[
+    int,
+    typer.Option(
+        min=1, max=2, metavar="N",
+        help="The window against the loss of any one vehicle, or of any 2: one after the other, re-planned in between, "
+        "or at once.",
+    ),
+]  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class PlanOptions:
     """Options of a first plan, shared by `plan`, `preflight` and `fly`."""
@@ -200,6 +210,7 @@ class PlanOptions:
         ),
     ] = 100 * DEFAULT.stretch  # fmt: skip
     mtbf: PlanMtbfOption = None
+    losses: LossesOption = 1
     all_vehicles: Annotated[
         bool, typer.Option("--all-vehicles", help="Use every vehicle; keep none on the ground as a spare.")
     ] = False
@@ -222,8 +233,10 @@ class PlanOptions:
             PlanFileError: the solver does not support it.
             SiteError: as for `build_plan_request`.
         """
+        wanted = build_plan_request(self.cost, self.mtbf)
         return replace(
-            build_plan_request(self.cost, self.mtbf), seconds=self.seconds, seed=self.seed, solver=self.solver,
+            wanted, usual=wanted.usual and self.losses == 1, losses=self.losses,
+            seconds=self.seconds, seed=self.seed, solver=self.solver,
             all_vehicles=self.all_vehicles, stretch=self.stretch / 100, starts=self.starts,
             iterations=self.iterations,
         )  # fmt: skip

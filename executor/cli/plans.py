@@ -132,7 +132,7 @@ def plan(
         raise typer.Exit(ANSWER_IS_NO)
 
 
-NOT_BY_DAY = ("cost", "mtbf", "solver", "stretch", "all_vehicles", "search", "front", "profile")
+NOT_BY_DAY = ("cost", "mtbf", "solver", "stretch", "losses", "all_vehicles", "search", "front", "profile")
 ONLY_BY_DAY = ("objective", "mtbf_hours", "probability", "samples", "dask", "jobs")
 ONLY_BY_LOSSES = ("dask", "jobs")
 
@@ -201,6 +201,7 @@ def check(plan: options.PlanArgument, as_json: options.JsonOption = False) -> No
 def window(
     plan: options.PlanArgument,
     seed: options.SeedOption = 0,
+    losses: options.LossesOption = 1,
     picture: Annotated[
         Path | None,
         typer.Option(
@@ -209,7 +210,7 @@ def window(
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Compute the time from which the fleet can finish without any one vehicle, and the loss that breaks this before.
+    """Compute the time from which the fleet can finish without any one or two vehicles, and the loss that breaks this.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
     that was found and checked. The certified time is a bound: before it at least one loss certainly has none. For a day
@@ -217,12 +218,17 @@ def window(
     """
     plan_inputs.check_can_draw("--picture", picture)
     content = missions.read_any_plan(plan)
+    if losses == 2 and (picture is not None or isinstance(content, missions.DayPlanFile)):
+        what = "a day plan" if picture is None else "--picture"
+        raise SiteError(f"--losses: expected 1 with {what}, got 2")
     if isinstance(content, missions.DayPlanFile):
         if picture is not None:
             raise SiteError("--picture: expected none for a day plan; `plan --day --picture` draws its sorties")
         plan_inputs.print_loss_windows(content, seed, as_json=as_json)
         return
-    found = planner.replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
+    found = planner.replan_window(
+        content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again, losses=losses
+    )
     if picture is not None:
         again = content.fly_again
         repairs = planner.find_repairs_at(
@@ -281,26 +287,29 @@ def replan(
 
 
 def _build_window_document(content: missions.PlanFile, found: planner.ReplanWindow) -> dict[str, object]:
-    figures = ("window_pct", "earliest_s", "certified_earliest_s", "certified_window_pct", "longest_route_s")
-    breaking = found.breaking
+    figures = ("window_pct", "earliest_s", "certified_earliest_s", "certified_window_pct", "longest_route_s", "losses")
     return {key: getattr(found, key) for key in figures} | {
-        "breaking": None if breaking is None else {
-            "vehicle": content.names[breaking.vehicle], "from_s": breaking.from_s, "to_s": breaking.to_s,
-        },
+        key: None if loss is None else {
+            "vehicle": content.names[loss.vehicle], "from_s": loss.from_s, "to_s": loss.to_s,
+        }
+        for key, loss in (("breaking", found.breaking), ("then", found.then))
     }  # fmt: skip
 
 
 def _describe_found_window(content: missions.PlanFile, found: planner.ReplanWindow) -> Iterator[str]:
-    breaking = found.breaking
+    breaking, whom = found.breaking, plan_summary.name_losses(found.losses)
     yield (
         f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of "
-        f"any one vehicle{plan_summary.but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
+        f"{whom}{plan_summary.but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
         name = content.names[breaking.vehicle]
+        after = "" if (then := found.then) is None else (
+            f", then of {content.names[then.vehicle]} between {then.from_s:.0f} s and {then.to_s:.0f} s"
+        )  # fmt: skip
         yield (
             f"worst case before: no re-plan was found for a loss of {name} between {breaking.from_s:.0f} s and "
-            f"{breaking.to_s:.0f} s"
+            f"{breaking.to_s:.0f} s{after}"
         )
         yield (
             f"certified: not every loss can be re-planned before {found.certified_earliest_s:.0f} s, so no window of "

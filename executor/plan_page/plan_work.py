@@ -329,7 +329,8 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
         task = site_model.adjust_task_to_layers(ground, task, made)
     found = planner.evaluate(task.instance, made, Cost.MINMAX)
     again = site_planning.may_fly_again(ground)
-    window = to_plan_window(planner.replan_window(task.instance, made, fly_again=again), task.instance)
+    losses = 1 if plan.window is None else plan.window.losses or 1
+    window = to_plan_window(planner.replan_window(task.instance, made, fly_again=again, losses=losses), task.instance)
     solved = SolverRecord("by hand", plan.seed, 0.0)
     content = site_planning.build_site_plan_file(ground, task, made, window, solved)
     violations += found.violations

@@ -112,12 +112,14 @@ def describe_window(plan: PlanFile) -> list[str]:
     window = plan.window
     if window is None:
         return [] if plan.coverage is None else [_describe_coverage(plan.coverage)]
-    breaking = window.breaking
+    breaking, then = window.breaking, window.then
     before = "" if breaking is None else (
         f"; worst case before: {breaking.vehicle} at {breaking.from_s:.0f} to {breaking.to_s:.0f} s"
     )  # fmt: skip
+    if then is not None:
+        before += f", then {then.vehicle} at {then.from_s:.0f} to {then.to_s:.0f} s"
     share = f"re-plan window {window.window_pct:.0f} %"
-    absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
+    absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of {name_losses(window.losses or 1)}"
     return [f"{share}: {absorbs}{but_left_over(plan)}{before}"]
 
 
@@ -126,6 +128,11 @@ def _describe_coverage(found: CoverageChance) -> str:
     span = f"(95 %: {100 * found.low_95:.1f} to {100 * found.high_95:.1f} %)"
     flown = f"{found.flights} new flights, one failure in {found.mtbf_h:g} flight hours, re-planned"
     return f"{chance} {span}, {found.uninspected_m:.1f} m left on average; {flown}"
+
+
+def name_losses(count: int) -> str:
+    """Return in words which losses a window is about."""
+    return "any one vehicle" if count == 1 else "any two vehicles, one after the other or at once"
 
 
 def but_left_over(plan: PlanFile) -> str:

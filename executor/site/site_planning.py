@@ -67,6 +67,8 @@ class PlanRequest:
     """Mean flight hours between failures of one vehicle: the largest probability of coverage, instead of a cost."""
     stretch: float = 0.1
     """For a window: how much longer than the best MinMax plan's the longest route may be, as a share."""
+    losses: int = 1
+    """For a window: the number of vehicles that may be lost, 1 or 2."""
     starts: int = 0
     """Parallel searches; 0 for one per processor."""
     params: planner.SearchParams = planner.DEFAULT_PARAMS
@@ -80,9 +82,13 @@ class PlanRequest:
         """Check that the solver supports the request.
 
         Raises:
-            PlanFileError: the solver does not support the window, coverage or an iteration limit, the paper's solver is
-                to be tuned, or failures are given for a cost without any.
+            PlanFileError: the solver does not support the window, coverage or an iteration limit, the paper's solver is to
+                be tuned, failures are given for a cost without any, or two losses with a cost that does not take them
+                into account.
         """
+        if self.losses != 1 and (self.cost is not None or self.usual or self.mtbf_h is not None):
+            name = planner.Cost.MINMAX.value if self.usual else self.name
+            raise missions.PlanFileError(f"--losses: expected 1 with --cost {name}, got {self.losses}")
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
             raise missions.PlanFileError(f"--solver: expected search for --cost {self.name}, got {self.solver.value}")
         if self.mtbf_h is not None and (self.cost is not None or self.usual):
@@ -177,7 +183,7 @@ def plan_site(
         found = planner.solve_window(
             task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
-            fly_again=may_fly_again(ground),
+            fly_again=may_fly_again(ground), losses=wanted.losses,
         )  # fmt: skip
         plan, seconds, chosen_by = found.plan, found.seconds, to_plan_window(found.window, task.instance)
     else:
@@ -194,7 +200,7 @@ def plan_site(
             )  # fmt: skip
             chosen_by = to_plan_coverage(figures, wanted.seed)
         if isinstance(chosen_by, missions.Window):
-            again = planner.replan_window(task.instance, plan, fly_again=may_fly_again(ground))
+            again = planner.replan_window(task.instance, plan, fly_again=may_fly_again(ground), losses=wanted.losses)
             chosen_by = to_plan_window(again, task.instance)
     solved = missions.SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     return build_site_plan_file(ground, task, plan, chosen_by, solved)
@@ -230,7 +236,9 @@ def rearrange_plan(
 
     def may(routes: Routes) -> bool:
         return window is None or (
-            planner.replan_window(task.instance, plan_of(routes), fly_again=fly_again).earliest_s
+            planner.replan_window(
+                task.instance, plan_of(routes), fly_again=fly_again, losses=window.losses or 1
+            ).earliest_s
             <= window.earliest_s + SAME
         )
 
@@ -277,6 +285,7 @@ def plan_front(
     found = planner.find_pareto_front(
         task.instance, stop=wanted.build_stop_rule(), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
         starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=may_fly_again(ground),
+        losses=wanted.losses,
     )  # fmt: skip
     solved = missions.SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
     return tuple(_build_front_plan(ground, task, entry, solved) for entry in found)
@@ -288,7 +297,7 @@ def _build_front_plan(
     window = entry.window
     if ground.inspection.same_distance:
         task = site_model.adjust_task_to_layers(ground, task, entry.plan)
-        window = planner.replan_window(task.instance, entry.plan, fly_again=may_fly_again(ground))
+        window = planner.replan_window(task.instance, entry.plan, fly_again=may_fly_again(ground), losses=window.losses)
     return build_site_plan_file(ground, task, entry.plan, to_plan_window(window, task.instance), solved)
 
 
@@ -296,9 +305,10 @@ def plan_references(ground: SiteModel, wanted: PlanRequest) -> Mapping[str, miss
     """Return a plan for each of the paper's cost functions by name, in a tenth of the time: for comparison."""
     plans = {}
     for cost in planner.Cost:
-        content = plan_site(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
+        quick = replace(wanted, cost=cost, usual=False, losses=1, seconds=max(0.2, wanted.seconds / 10))
+        content = plan_site(ground, quick)
         instance = content.build_instance()
-        found = planner.replan_window(instance, content.plan, fly_again=content.fly_again)
+        found = planner.replan_window(instance, content.plan, fly_again=content.fly_again, losses=wanted.losses)
         plans[cost.value] = replace(content, window=to_plan_window(found, instance))
     return plans
 
@@ -330,11 +340,13 @@ def _solve_task(
 
 def to_plan_window(found: planner.ReplanWindow, instance: planner.Instance) -> missions.Window:
     """Return a re-plan window in the form of plan files."""
-    loss = None
-    if found.breaking is not None:
-        breaking = found.breaking
-        loss = missions.BreakingLoss(instance.vehicles[breaking.vehicle].name, breaking.from_s, breaking.to_s)
-    return missions.Window(found.window_pct, found.earliest_s, found.longest_route_s, loss)
+    breaking, then = (
+        None if loss is None else missions.BreakingLoss(instance.vehicles[loss.vehicle].name, loss.from_s, loss.to_s)
+        for loss in (found.breaking, found.then)
+    )
+    return missions.Window(
+        found.window_pct, found.earliest_s, found.longest_route_s, breaking, 2 if found.losses == 2 else None, then
+    )
 
 
 def to_plan_coverage(found: planner.RiskEstimate, seed: int) -> missions.CoverageChance:

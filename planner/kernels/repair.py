@@ -78,7 +78,7 @@ class LossClock(NamedTuple):
 
 
 class Loss(NamedTuple):
-    """The problem after a loss."""
+    """The problem after a loss, of one vehicle or of several at the same time."""
 
     problem: Problem
     """A problem with its own ``start``, ``idle`` and ``budget``; a budget below 0 marks a vehicle that does not fly."""
@@ -88,8 +88,10 @@ class Loss(NamedTuple):
     """Number of completed visits of the plan for each vehicle."""
     keeper: Ints
     """(n,): vehicle that a segment is locked to, -1 for none; (0,) if no segment is locked."""
+    who: IntTable
+    """(losses, k): the losses, a row each: 1 for the vehicles that are lost together."""
     lifted: Ints
-    """(1,): lost vehicle with lifted locks in ``problem``, -1 for none; with locks, ``problem`` has its own moves."""
+    """(k,): 1 for vehicles whose locks ``problem`` has lifted; with locks, ``problem`` has its own moves."""
     barred_pct: float
     """Additional cost of a visit that a vehicle must not make."""
 
@@ -116,23 +118,31 @@ def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossCloc
 
 
 @inner()
-def switch_lifted_locks(problem: Problem, loss: Loss, lost: int) -> None:
-    """Lift the locks of the lost vehicle and restore those of the one lost before."""
-    before, own = loss.lifted[0], loss.problem
-    if before == lost:
-        return
+def switch_lifted_locks(problem: Problem, loss: Loss, lost: Ints) -> None:
+    """Lift the locks of the lost vehicles and restore those of the ones lost before."""
+    own = loss.problem
     for segment in range(len(loss.keeper)):
         keeper = loss.keeper[segment]
-        more = loss.barred_pct * (int(keeper == before) - int(keeper == lost))
-        if keeper < 0 or more == 0.0:
+        if keeper < 0 or loss.lifted[keeper] == lost[keeper]:
             continue
+        more = loss.barred_pct * (loss.lifted[keeper] - lost[keeper])
         for profile in range(len(own.move)):
             if profile != problem.profile[keeper]:
                 for visit in range(2 * segment, 2 * segment + 2):
                     for other in range(len(own.move[profile])):
                         own.move[profile, other, visit] += more
                         own.move_into[profile, visit, other] += more
-    loss.lifted[0] = lost
+    for vehicle in range(len(lost)):
+        loss.lifted[vehicle] = lost[vehicle]
+
+
+@inner()
+def is_possible_loss(clock: LossClock, loss: Loss, number: int, at_s: float) -> bool:
+    """Return whether all vehicles of a loss still fly at a given time."""
+    for vehicle in range(len(clock.durations_s)):
+        if loss.who[number, vehicle] == 1 and clock.durations_s[vehicle] <= at_s + SAME_TIME_S:
+            return False
+    return True
 
 
 @inner()
@@ -141,25 +151,26 @@ def begin_loss(
     timing: LossTiming,
     base: State,
     clock: LossClock,
-    lost: int,
+    number: int,
     at_s: float,
     fly_again: bool,
     loss: Loss,
 ) -> None:
-    """Set ``loss`` to the problem that the loss of a vehicle at a given time leaves of the plan ``base``."""
+    """Set ``loss`` to the problem that loss ``number`` at a given time leaves of the plan ``base``."""
+    lost = loss.who[number]
     switch_lifted_locks(problem, loss, lost)
     for segment in range(len(base.route_of)):
         loss.is_open[segment] = int(base.route_of[segment] < 0)
     for route in range(len(base.lengths)):
         length = base.lengths[route]
-        until_s = at_s if route == lost else at_s + timing.answer_s
+        until_s = at_s if lost[route] == 1 else at_s + timing.answer_s
         done = 0
         while done < length and clock.ends_s[route, done] <= until_s + SAME_TIME_S:
             done += 1
         loss.done[route] = done
         loss.problem.idle[route] = 0.0
         first_open = done
-        if route == lost:
+        if lost[route] == 1:
             loss.problem.budget[route] = -1.0
         elif done < length:
             visit = base.visits[route, done]
@@ -176,7 +187,8 @@ def begin_loss(
             for other in range(start.shape[1]):
                 loss.problem.start[route, other] = start[route, other]
             for segment in range(len(loss.keeper)):
-                if loss.keeper[segment] == lost:
+                keeper = loss.keeper[segment]
+                if keeper >= 0 and lost[keeper] == 1:
                     loss.problem.start[route, 2 * segment] -= loss.barred_pct * problem.consumption[route]
                     loss.problem.start[route, 2 * segment + 1] -= loss.barred_pct * problem.consumption[route]
         for position in range(first_open, length):
@@ -390,7 +402,7 @@ def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng:
 
 
 class Repairs(NamedTuple):
-    """The latest repair of each vehicle's loss: ``k`` states stored side by side."""
+    """The latest repair of each loss: states stored side by side."""
 
     visits: Annotated[IntCube, "losses k n"]
     legs: Annotated[Cube, "losses k n+1"]
@@ -402,16 +414,17 @@ class Repairs(NamedTuple):
 
 
 @inner()
-def repair_of(repairs: Repairs, lost: int) -> State:
-    """Return the repair of a vehicle's loss, as views."""
+def repair_of(repairs: Repairs, number: int) -> State:
+    """Return the repair of a loss, as views."""
     return State(
-        repairs.visits[lost], repairs.legs[lost], repairs.lengths[lost], repairs.loads[lost], repairs.route_of[lost]
-    )
+        repairs.visits[number], repairs.legs[number], repairs.lengths[number], repairs.loads[number],
+        repairs.route_of[number],
+    )  # fmt: skip
 
 
 @kernel()
 def try_loss(
-    problem: Problem, timing: LossTiming, base: State, clock: LossClock, lost: int, at_s: float, fly_again: bool,
+    problem: Problem, timing: LossTiming, base: State, clock: LossClock, number: int, at_s: float, fly_again: bool,
     loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
 ) -> float:  # fmt: skip
     """Search for a repair of a loss, from the known one and from the survivors' tails; return what the best lacks.
@@ -419,17 +432,17 @@ def try_loss(
     The result is stored in ``repairs``. ``loss`` and ``desk`` are work space; ``effort`` is the number of iterations
     from each start.
     """
-    begin_loss(problem, timing, base, clock, lost, at_s, fly_again, loss)
-    best = repair_of(repairs, lost)
+    begin_loss(problem, timing, base, clock, number, at_s, fly_again, loss)
+    best = repair_of(repairs, number)
     least = np.inf
-    if repairs.known[lost] == 1:
+    if repairs.known[number] == 1:
         begin_repair(loss, base, best, True, desk.current, desk, rng)
         least = repair(loss, best, desk, effort, rng)
         if least <= 0.0:
             return least
     begin_repair(loss, base, best, False, desk.current, desk, rng)
-    if repairs.known[lost] == 0:
-        repairs.known[lost] = 1
+    if repairs.known[number] == 0:
+        repairs.known[number] = 1
         return repair(loss, best, desk, effort, rng)
     # ``best`` holds the best repair so far, so this one is built in ``other``.
     lacks = repair(loss, desk.other, desk, effort, rng)
@@ -460,9 +473,11 @@ def find_broken_interval(
     """
     for interval in range(len(events_s) - 2, -1, -1):
         at_s = events_s[interval]
-        for lost in range(len(base.lengths)):
-            if clock.durations_s[lost] > at_s + SAME_TIME_S:
-                lacks = try_loss(problem, timing, base, clock, lost, at_s, fly_again, loss, repairs, desk, effort, rng)
+        for number in range(len(loss.who)):
+            if is_possible_loss(clock, loss, number, at_s):
+                lacks = try_loss(
+                    problem, timing, base, clock, number, at_s, fly_again, loss, repairs, desk, effort, rng
+                )
                 if lacks > 0.0:
                     return interval
     return -1

@@ -15,7 +15,6 @@ from typing import Annotated, NamedTuple
 from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table
 from planner.kernels.compiling import inner, kernel
 from planner.kernels.repair import (
-    SAME_TIME_S,
     Loss,
     LossClock,
     LossTiming,
@@ -24,6 +23,7 @@ from planner.kernels.repair import (
     begin_loss,
     begin_repair,
     insert_at_least_cost,
+    is_possible_loss,
     repair,
     repair_of,
     set_clock,
@@ -53,18 +53,18 @@ TRIES = 6
 
 
 class RobustWalk(NamedTuple):
-    """State of a search: a plan, the end times of its visits, a repair for each of its losses at each probe."""
+    """State of a search: a plan, the end times of its visits, a repair for each loss at each probe."""
 
     base: State
     clock: LossClock
     repairs: Repairs
-    """``k`` repairs for each probe."""
+    """One repair for each loss, at the first probe, then at the second, and so on."""
     lacks: Annotated[Floats, "losses"]
     """Energy that each repair lacks, in percent of a battery."""
     opened: Annotated[IntTable, "losses n"]
     """Segments that were open to each repair."""
     begun: Annotated[IntTable, "losses k"]
-    """Visit that each survivor finishes first; NOBODY for the lost vehicle, GROUND for a landed one."""
+    """Visit that each survivor finishes first; NOBODY for a lost vehicle, GROUND for a landed one."""
     left: Annotated[Table, "losses k"]
     """Energy that each survivor may spend after that visit."""
     order: Annotated[Ints, "losses"]
@@ -219,14 +219,14 @@ def sort_lacks(lacks: Floats, order: Ints) -> None:
 
 
 @inner()
-def describe_loss(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
+def describe_loss(loss: Loss, there: RobustWalk, slot: int, number: int) -> None:
     """Record the state after a loss: two repairs with equal records solve the same problem."""
     for segment in range(len(loss.is_open)):
         there.opened[slot, segment] = loss.is_open[segment]
     base = there.base
     for route in range(len(base.lengths)):
         there.left[slot, route] = loss.problem.budget[route]
-        if route == lost:
+        if loss.who[number, route] == 1:
             there.begun[slot, route] = NOBODY
         elif loss.done[route] < base.lengths[route]:
             there.begun[slot, route] = base.visits[route, loss.done[route]]
@@ -262,19 +262,19 @@ def assess_repairs(
     Stops as soon as the total exceeds ``most``. The repairs that lacked most come first.
     """
     total = 0.0
-    fleet = len(there.base.lengths)
+    losses = len(loss.who)
     sort_lacks(here.lacks, there.order)
     for place in range(len(there.order)):
         slot = there.order[place]
-        at_s = probes_s[slot // fleet]
-        lost = slot % fleet
+        at_s = probes_s[slot // losses]
+        number = slot % losses
         there.lacks[slot] = 0.0
         there.repairs.known[slot] = 0
-        if at_s < 0.0 or there.clock.durations_s[lost] <= at_s + SAME_TIME_S:
+        if at_s < 0.0 or not is_possible_loss(there.clock, loss, number, at_s):
             continue
-        begin_loss(problem, timing, there.base, there.clock, lost, at_s, limits.fly_again, loss)
+        begin_loss(problem, timing, there.base, there.clock, number, at_s, limits.fly_again, loss)
         known = here.repairs.known[slot] == 1
-        describe_loss(loss, there, slot, lost)
+        describe_loss(loss, there, slot, number)
         if known and is_alike(here, there, slot) and (here.lacks[slot] <= 0.0 or draw_uniform(rng) >= limits.polish):
             there.lacks[slot] = here.lacks[slot]
             there.repairs.known[slot] = SAME

@@ -20,7 +20,8 @@ from planner import (
     solve_window,
 )
 from planner.evaluate import RepairStatus
-from planner.window import event_times_s, iterate_losses
+from planner.fleet_state import event_times_s
+from planner.window import iterate_losses
 from tests.planner.builders import fleet, line, random_instance
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.

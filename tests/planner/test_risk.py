@@ -33,7 +33,8 @@ from planner import (
     solve,
     split_flights,
 )
-from planner.risk import build_state_before_losses, estimate_probability, repair_plan
+from planner.fleet_state import build_state_before_losses
+from planner.risk import estimate_probability, repair_plan
 from tests.planner.builders import UNIT, fleet, line, random_instance
 
 FLIGHTS = 20_000

@@ -21,7 +21,8 @@ def walked(instance: Instance, seed: int, iterations: int) -> Walker:
         instance, Iterations(10**9), Stopwatch(), seed=seed, all_vehicles=False, starts=1, fly_again=True
     )
     routes = tuple(route.visits for route in plan.routes)
-    walker = search._build_walker(seed, FoundPlan(routes, 0.6 * evaluate(instance, plan, Cost.MINMAX).longest_route_s))
+    longest_s = evaluate(instance, plan, Cost.MINMAX).longest_route_s
+    walker = search._build_walker(seed, FoundPlan(routes, 0.6 * longest_s, longest_s))
     search._cap_s = float("inf")
     search._begin_cycle(walker)
     walker.left = walker.length = 10 * iterations  # nothing may begin anew

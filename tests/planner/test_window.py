@@ -23,7 +23,8 @@ from planner import (
     travel_for,
 )
 from planner.evaluate import CriticalLoss, RepairStatus
-from planner.window import event_times_s, iterate_losses
+from planner.fleet_state import event_times_s
+from planner.window import iterate_losses
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.

@@ -12,7 +12,9 @@ from planner import (
     Cost,
     Instance,
     Iterations,
+    Plan,
     PlanError,
+    Route,
     Vehicle,
     build_instance,
     evaluate,
@@ -22,6 +24,7 @@ from planner import (
     solve_window,
     travel_for,
 )
+from planner.evaluate import rank_window
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 SMALL = random_instance(3, 8, fleet(34.0, 34.0, 34.0))
@@ -65,6 +68,31 @@ def test_more_length_never_hurts_when_the_shorter_plan_is_given() -> None:
     assert short.feasible
     assert long.feasible
     assert long.window.earliest_s <= short.window.earliest_s
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_given_plan_of_the_same_length_is_better_in_seconds_or_percent(seed: int) -> None:
+    instance = random_instance(seed, 8, fleet(34.0, 34.0, 34.0))
+    given = [
+        solve(instance, cost=cost, stop=Iterations(500), seed=seed + number).plan
+        for cost in Cost for number in range(3)
+    ]  # fmt: skip
+    shortest_s = min(evaluate(instance, plan, Cost.MINMAX).longest_route_s for plan in given)
+    found = solve_window(instance, stretch=0.15, longest_s=shortest_s, stop=Iterations(1), initial=given).window
+    for plan in given:
+        known = replan_window(instance, plan)
+        if known.longest_route_s <= min(found.longest_route_s, 1.15 * shortest_s):
+            assert found.earliest_s <= known.earliest_s + 1e-6
+            assert found.window_pct >= known.window_pct - 1e-6
+
+
+def test_of_equal_windows_in_seconds_the_shorter_plan_is_chosen() -> None:
+    # Both have a full window; one inspects the second segment first and flies back for the first.
+    instance = line(4, 300.0, 300.0)
+    long, short = (Plan((Route(0, visits), Route(1, ()))) for visits in ((2, 0, 4, 6), (0, 2, 4, 6)))
+    found = solve_window(instance, stretch=2.0, longest_s=40.0, stop=Iterations(1), initial=[long, short])
+    assert (found.window.earliest_s, found.window.longest_route_s) == (0, 80)
+    assert rank_window(0.0, 80.0) < rank_window(1e-9, 120.0) < rank_window(1.0, 60.0)
 
 
 def test_budgets_hold_and_may_leave_no_plan() -> None:

@@ -29,10 +29,11 @@ from planner import (
 )
 from planner.evaluate import RepairStatus
 from planner.exact import find_covering_plan
+from planner.fleet_state import build_state_before_losses
 from planner.model import BARRED_PCT, lift_locks, visit_of
 from planner.moves import MoveTables
 from planner.params import DEFAULT_PARAMS
-from planner.risk import build_state_before_losses, repair_plan
+from planner.risk import repair_plan
 from planner.sorties import SortieInstance, evaluate_sorties, solve_sorties
 from planner.sorties.sortie_losses import build_sorties_after_loss
 from planner.window import iterate_losses

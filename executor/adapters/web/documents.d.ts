@@ -331,7 +331,7 @@ export interface RadioView {
   positions_hz: number;
 }
 
-/** The re-plan window: the time from which the others can finish if any one vehicle is lost. */
+/** The re-plan window: the time from which the others can finish if any one vehicle is lost, or any two. */
 export interface Window {
   /** Window as a share of the longest route. */
   window_pct: number;
@@ -339,6 +339,10 @@ export interface Window {
   longest_route_s: number;
   /** Latest loss before it without a re-plan. */
   breaking: BreakingLoss | null;
+  /** 2 if any two vehicles may be lost, one after the other or at once; None if any one may. */
+  losses: "2" | null;
+  /** Second loss without a re-plan after that one; None if that one alone has none. */
+  then: BreakingLoss | null;
 }
 
 /** An area to avoid. */

@@ -19,7 +19,7 @@ from executor.analysis.pictures.style import INK, LOSS, PAPER, VehicleStyle, mak
 from executor.core.formatting import format_duration, format_flight_time
 from missions import PlanFile
 from planner import Plan, RemainingProblem, ReplanWindow
-from planner.risk import RouteProgress, build_state_before_losses
+from planner.fleet_state import RouteProgress, build_state_before_losses
 
 LEFT, RIGHT = 0.055, 0.815
 """Left and right edge of the plot as shares of the figure; line names are to its right, event names above."""

@@ -50,7 +50,8 @@ def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Fig
 
 def _describe_choice(content: PlanFile) -> str:
     if content.window is not None:
-        return f"any one may be lost from {content.window.earliest_s:.0f} s on"
+        number = "one" if content.window.losses is None else "two"
+        return f"any {number} may be lost from {content.window.earliest_s:.0f} s on"
     return f"{content.cost.name} {content.cost.value:.2f}"
 
 

@@ -61,16 +61,17 @@ class Place:
         (self.folder / "line.geojson").write_text(content if text is None else text, encoding="utf-8")
 
     def site(
-        self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "", heights: str = "flat"
-    ) -> None:
-        vehicles = "".join(
+        self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "", heights: str = "flat",
+        vehicles: int = 2,
+    ) -> None:  # fmt: skip
+        fleet = "".join(
             f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{port}"\nsysid = {number}\n'
             f'autopilot = "ardupilot"\nbudget_pct = {budget_pct}\n'
-            for number, port in enumerate(free_ports(2), start=1)
+            for number, port in enumerate(free_ports(vehicles), start=1)
         )
         depot = f"[depot]\nlat_deg = {DEPOT[0]}\nlon_deg = {DEPOT[1]}\n"
         network = f'[network]\nfile = "{file}"\n{extra}\n[inspection]\nheights = "{heights}"\n'
-        text = depot + network + vehicles
+        text = depot + network + fleet
         (self.folder / "site.toml").write_text(text, encoding="utf-8")
 
     def path(self, name: str) -> str:

@@ -65,6 +65,38 @@ def test_a_plan_chosen_by_its_window_is_no_worse_and_checks(place: Place) -> Non
     assert place.run("check", chosen)[:2] == (0, "every figure is right\n")
 
 
+def test_a_plan_against_two_losses_names_them_and_checks(place: Place) -> None:
+    place.site(vehicles=3)
+    site, chosen = place.path("site.toml"), place.path("two.json")
+    code, out, _ = place.run("plan", site, "--losses", "2", "--iterations", "2000", "-o", chosen)
+    assert code == 0
+    assert "the loss of any two vehicles, one after the other or at once" in out
+    assert read_plan(Path(chosen)).window is not None
+    answer = json.loads(place.run("window", chosen, "--losses", "2", "--json")[1])
+    assert answer["losses"] == 2
+    assert answer["earliest_s"] == json.loads(Path(chosen).read_text(encoding="utf-8"))["window"]["earliest_s"]
+    assert place.run("check", chosen)[:2] == (0, "every figure is right\n")
+
+
+def test_two_losses_are_refused_where_nobody_looks_at_them(place: Place) -> None:
+    plan, site = place.planned(), place.path("site.toml")
+    for words, why in (
+        (("window", plan, "--losses", "2"), "2 vehicles, expected 3 or more"),
+        (
+            ("window", plan, "--losses", "2", "--picture", place.path("window.png")),
+            "--losses: expected 1 with --picture",
+        ),
+        (("plan", site, "--losses", "2"), "2 vehicles, expected 3 or more"),
+        (("plan", site, "--losses", "2", "--cost", "minmax"), "--losses: expected 1 with --cost minmax, got 2"),
+        (("plan", site, "--losses", "2", "--day"), "--losses: expected none with --day"),
+        (("plan", site, "--losses", "2", "--solver", "grasp"), "--solver: expected search for --cost window"),
+    ):
+        code, _, err = place.run(*words)
+        (line,) = (one for one in err.splitlines() if one.startswith("faultline: "))
+        assert code == 2
+        assert why in line
+
+
 def test_the_trade_offs_are_plans_that_check(place: Place) -> None:
     tight(place)
     folder, picture = Path(place.path("front")), Path(place.path("front.png"))

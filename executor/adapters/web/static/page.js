@@ -105,7 +105,9 @@ function showPlanned(next) {
   const place = byId("planned");
   place.hidden = planned === null || next.revision !== 0 || next.finished;
   if (planned === null || place.hidden) return;
-  const { earliest_s: earliest, longest_route_s: longest, window_pct: share, breaking } = planned;
+  const { earliest_s: earliest, longest_route_s: longest, window_pct: share, then } = planned;
+  // A pair that breaks the window says nothing about one loss.
+  const breaking = then ? null : planned.breaking;
   const inside = next.flight_s !== null && next.flight_s >= earliest;
   const whom = breaking && !inside ? say(", until then not {vehicle}", { vehicle: breaking.vehicle }) : "";
   const from = { time: since(earliest) };
