@@ -172,9 +172,11 @@ def announce_planning(
     console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {wanted.length})")
 
     def progressed(progress: Progress) -> None:
-        console.show_progress(
-            f"{progress.iterations} iterations, {unit} {progress.value:.2f}, {progress.uncovered} left out"
+        known = f"{progress.iterations} iterations, {unit} {progress.value:.2f}, {progress.uncovered} left out"
+        proven = (
+            "" if progress.bound is None else f", proven: at least {progress.bound:.2f}, gap {progress.gap_pct:.2f} %"
         )
+        console.show_progress(known + proven)
 
     return progressed
 
