@@ -41,6 +41,8 @@ NEIGHBOURS = 10
 """Segments that a route's label does not forget at once: the size of the ng-sets."""
 SMOOTHING = 0.7
 """Weight of the prizes of the best bound against those of the program (Wentges 1997): fewer rounds."""
+NODES = 2_000
+"""Maximum number of nodes of an integer program: a number, so that every machine gives the same answer."""
 ROUTES_UP_TO = 60_000
 """Maximum number of routes for an integer program over all that a better plan may have."""
 SAME = 1e-6
@@ -64,7 +66,7 @@ def check_can_prove(segments: int) -> None:
     if segments > SEGMENTS_UP_TO:
         raise InstanceError(f"{segments} segments, expected at most {SEGMENTS_UP_TO} for a proof")
     if not is_available():
-        raise InstanceError(f"{segments} segments: a proof needs HiGHS: pip install 'faultline-uav[proofs]'")
+        raise InstanceError(f"a proof for {segments} segments needs the extra proofs: pip install highspy")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -291,7 +293,7 @@ class ColumnSearch:
             label = int(self._labels.parent[label])
         return tuple(reversed(visits))
 
-    def choose_routes(self, ceiling: float, *, seconds: float = 60.0) -> tuple[float, Plan | None]:
+    def choose_routes(self, ceiling: float) -> tuple[float, Plan | None]:
         """Return a proven bound, and a plan of cost less than ``ceiling`` if one was found.
 
         An integer program chooses among all routes that such a plan may have: then the bound is the optimum or the
@@ -299,14 +301,13 @@ class ColumnSearch:
 
         Args:
             ceiling: cost that the plan must beat.
-            seconds: most that the integer program may take.
         """
         gap = most = max(0.0, ceiling - self.bound) + SAME
         while not self._add_routes_within(gap):
             gap /= 2
             if gap < most / 64:
                 break
-        lowest, chosen = self._solve_whole(ceiling, seconds)
+        lowest, chosen = self._solve_whole(ceiling)
         bound = max(self.bound, min(ceiling, lowest)) if gap == most else self.bound
         return bound, None if chosen is None else self._build_plan(chosen)
 
@@ -324,16 +325,16 @@ class ColumnSearch:
                 self._add(number, self._trace(label))
         return True
 
-    def _solve_whole(self, ceiling: float, seconds: float) -> tuple[float, list[_Column] | None]:
+    def _solve_whole(self, ceiling: float) -> tuple[float, list[_Column] | None]:
         """Return a lower bound on the cost of plans of the known routes, and the best if it is below the ceiling."""
         import highspy
 
         solver, most = self._program, self._program.getNumCol()
         every = np.arange(most, dtype=np.int32)
         solver.changeColsIntegrality(most, every, np.full(most, highspy.HighsVarType.kInteger))
-        solver.setOptionValue("time_limit", solver.getRunTime() + seconds)
         solver.setOptionValue("objective_bound", ceiling - self._constant)
-        solver.setOptionValue("mip_rel_gap", 1e-7)
+        solver.setOptionValue("mip_rel_gap", 0.1 * SAME)
+        solver.setOptionValue("mip_max_nodes", NODES)
         solver.run()
         status, info = solver.getModelStatus(), solver.getInfo()
         chosen, shares = None, list(solver.getSolution().col_value)
@@ -343,18 +344,23 @@ class ColumnSearch:
             ]
         bound = info.mip_dual_bound + self._constant
         solver.changeColsIntegrality(most, every, np.full(most, highspy.HighsVarType.kContinuous))
-        solver.setOptionValue("time_limit", np.inf)
         solver.setOptionValue("objective_bound", np.inf)
         nothing = status in (highspy.HighsModelStatus.kInfeasible, highspy.HighsModelStatus.kObjectiveBound)
         return (ceiling if nothing else bound), chosen
 
-    def _build_plan(self, columns: Sequence[_Column]) -> Plan:
-        """Return the plan of some routes: a segment that two of them visit is left to the first."""
+    def _build_plan(self, columns: Sequence[_Column]) -> Plan | None:
+        """Return the plan of some routes: a segment that two of them visit is left to the first.
+
+        Returns None if a route takes more than its limit without such a segment, which turns or areas can cause.
+        """
         free = {number: list(kind.vehicles) for number, kind in enumerate(self._kinds)}
         routes, seen = {}, set[int]()
         for column in columns:
             kept = tuple(visit for visit in column.visits if segment_of(visit) not in seen)
             seen.update(segment_of(visit) for visit in kept)
+            kind = self._kinds[column.kind]
+            if kept and self._measure(kind, kept) > kind.limit:
+                return None
             vehicle = free[column.kind].pop(0)
             routes[vehicle] = Route(vehicle, kept)
         fleet = sorted(vehicle for kind in self._kinds for vehicle in kind.vehicles)

@@ -31,8 +31,9 @@ EFFORT = 10_000
 
 
 def replan_window(
-    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
-) -> ReplanWindow:
+    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True,
+    prove: bool = False,
+) -> ReplanWindow:  # fmt: skip
     """Return the re-plan window of a plan.
 
     The same arguments give the same window on every machine. Only a plan that covers everything within its budgets has
@@ -44,12 +45,19 @@ def replan_window(
         effort: iterations of ruin and recreate for each loss that is not repaired at once.
         seed: seed of all randomness.
         fly_again: whether vehicles that are on the ground or returning may fly (again).
+        prove: decide losses of many open segments by column generation, some seconds each; needs HiGHS, of the extra
+            `proofs`.
 
     Raises:
         PlanError: the plan does not match the instance, or has only one vehicle.
+        InstanceError: too many segments for a proof, or HiGHS is not installed.
     """
     check_routes(instance, plan)
     check_fleet(instance)
+    if prove:
+        from planner.columns import check_can_prove
+
+        check_can_prove(instance.segments)
     evaluation = evaluate(instance, plan, Cost.MINMAX)
     longest_s, events = evaluation.longest_route_s, event_times_s(instance, plan)
     if plan.uncovered or evaluation.violations:
@@ -62,7 +70,7 @@ def replan_window(
 
     if instance.segments == 0:
         return ReplanWindow(0.0, 0.0, longest_s, None)
-    losses = LossScan(instance, plan, events, seed=seed, fly_again=fly_again)
+    losses = LossScan(instance, plan, events, seed=seed, fly_again=fly_again, prove=prove)
     broken = next((row for row in losses.iterate_rows(effort) if row.verdict is not RepairStatus.FEASIBLE), None)
     if broken is None:
         return ReplanWindow(0.0, 0.0, longest_s, None)

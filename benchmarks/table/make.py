@@ -92,7 +92,7 @@ class _Frame:
     best_s: float
 
     def task(self, kind: TaskKind) -> TableTask:
-        return TableTask(kind, self.radius_m, self.tightness, self.budget_pct)
+        return TableTask(kind, self.radius_m, self.tightness, self.budget_pct, longest_s=self.best_s)
 
 
 def _frame(radius_m: float, tightness: float, free: Results) -> _Frame:

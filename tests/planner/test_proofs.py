@@ -99,7 +99,7 @@ def test_one_vehicle_has_no_window_to_bound() -> None:
 
 def test_without_highs_a_proof_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.columns.is_available", lambda: False)
-    with pytest.raises(InstanceError, match=r"pip install 'faultline-uav\[proofs\]'"):
+    with pytest.raises(InstanceError, match="needs the extra proofs: pip install highspy"):
         decide_cover(random_instance(1, 3, fleet(100.0)))
 
 
