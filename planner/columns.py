@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.errors import InstanceError
 from planner.evaluate import BUDGET_TOLERANCE_PCT
@@ -41,10 +42,16 @@ NEIGHBOURS = 10
 """Segments that a route's label does not forget at once: the size of the ng-sets."""
 SMOOTHING = 0.7
 """Weight of the prizes of the best bound against those of the program (Wentges 1997): fewer rounds."""
-NODES = 2_000
+CUT_ROUNDS, CUTS = 40, 40
+"""Rounds of subset-row cuts, and cuts in each."""
+VIOLATED = 0.02
+"""Least violation of a cut that is added."""
+FEWER = 0.7
+"""Factor on the reduced cost of the routes to choose from, while there are too many."""
+NODES = 200
 """Maximum number of nodes of an integer program: a number, so that every machine gives the same answer."""
-ROUTES_UP_TO = 60_000
-"""Maximum number of routes for an integer program over all that a better plan may have."""
+ROUTES_UP_TO = 20_000
+"""Maximum number of routes of one kind that an integer program may choose from."""
 SAME = 1e-6
 """Relative tolerance of proofs: a route of a smaller gain is not priced."""
 NEVER = 1e300
@@ -297,18 +304,21 @@ class ColumnSearch:
         """Return a proven bound, and a plan of cost less than ``ceiling`` if one was found.
 
         An integer program chooses among all routes that such a plan may have: then the bound is the optimum or the
-        ceiling. If there are too many, it chooses among those of least reduced cost, which proves nothing more.
+        ceiling. If there are too many, it chooses among those of least reduced cost; a plan with any other one costs
+        more than the bound so far and their largest reduced cost together.
 
         Args:
             ceiling: cost that the plan must beat.
         """
-        gap = most = max(0.0, ceiling - self.bound) + SAME
+        gap = max(0.0, ceiling - self.bound) + SAME
+        least = gap / 64
         while not self._add_routes_within(gap):
-            gap /= 2
-            if gap < most / 64:
-                break
+            gap *= FEWER
+            if gap < least:
+                return self.bound, None
+        self._cut(ceiling)
         lowest, chosen = self._solve_whole(ceiling)
-        bound = max(self.bound, min(ceiling, lowest)) if gap == most else self.bound
+        bound = max(self.bound, min(ceiling, lowest, self.bound + gap))
         return bound, None if chosen is None else self._build_plan(chosen)
 
     def _add_routes_within(self, gap: float) -> bool:
@@ -324,6 +334,33 @@ class ColumnSearch:
             for label in self._found[:routes].tolist():
                 self._add(number, self._trace(label))
         return True
+
+    def _cut(self, ceiling: float) -> None:
+        """Raise the program's cost by subset-row cuts and bar routes that no plan below the ceiling has.
+
+        Of three segments, at most one route of a plan visits two or more (Jepsen, Petersen, Spoorendonk, Pisinger 2008,
+        doi 10.1287/opre.1070.0449). The cuts need no prices, because no route is added after them; a plan visits each
+        segment once.
+        """
+        program, n = self._program, self._segments
+        for segment in range(n):
+            program.changeRowBounds(segment, 1.0, 1.0)
+        visited = np.zeros((n, len(self._columns)), dtype=np.int8)
+        for place, column in enumerate(self._columns):
+            visited[[segment_of(visit) for visit in column.visits], place] = 1
+        for _ in range(CUT_ROUNDS):
+            program.run()
+            room = ceiling - self._constant - program.getInfo().objective_function_value
+            solution = program.getSolution()
+            barred = np.flatnonzero(np.array(solution.col_dual)[n:] > room + SAME * (1 + abs(ceiling))) + n
+            none = np.zeros(len(barred))
+            program.changeColsBounds(len(barred), barred.astype(np.int32), none, none)
+            triples = _find_violated_triples(visited, np.array(solution.col_value)[n:])
+            if room <= 0 or len(triples) == 0:
+                return
+            for triple in triples:
+                twice = (np.flatnonzero(visited[triple].sum(axis=0) >= 2) + n).astype(np.int32)
+                program.addRow(-np.inf, 1.0, len(twice), twice, np.ones(len(twice)))
 
     def _solve_whole(self, ceiling: float) -> tuple[float, list[_Column] | None]:
         """Return a lower bound on the cost of plans of the known routes, and the best if it is below the ceiling."""
@@ -366,6 +403,28 @@ class ColumnSearch:
         fleet = sorted(vehicle for kind in self._kinds for vehicle in kind.vehicles)
         uncovered = tuple(segment for segment in range(self._segments) if segment not in seen)
         return Plan(tuple(routes.get(vehicle, Route(vehicle, ())) for vehicle in fleet), uncovered)
+
+
+def _find_violated_triples(visited: npt.NDArray[np.int8], shares: FloatArray) -> IntArray:
+    """Return (c, 3) int64, the triples of segments of which routes visit two or more too often, the worst first.
+
+    Args:
+        visited: (n, r), 1 where a route visits a segment.
+        shares: (r,), how much of each route is chosen.
+    """
+    used = np.flatnonzero(shares > SAME)
+    inside = visited[:, used].astype(np.float64)
+    pairs = (inside * shares[used]) @ inside.T
+    triples, excesses = [np.empty((0, 3), dtype=np.int64)], [np.empty(0)]
+    for third in range(2, len(visited)):
+        all_three = (inside[:third] * shares[used] * inside[third]) @ inside[:third].T
+        to_third = pairs[third, :third]
+        twice = pairs[:third, :third] + to_third[:, np.newaxis] + to_third[np.newaxis] - 2 * all_three
+        first, second = np.nonzero(np.triu(twice, 1) > 1 + VIOLATED)
+        triples.append(np.column_stack((first, second, np.full(len(first), third))))
+        excesses.append(twice[first, second])
+    worst = np.argsort(-np.concatenate(excesses), kind="stable")[:CUTS]
+    return np.concatenate(triples)[worst]
 
 
 def _build_priced(kind: RouteKind, near: IntArray) -> Priced:
