@@ -50,7 +50,7 @@ FEWER = 0.7
 """Factor on the reduced cost of the routes to choose from, while there are too many."""
 NODES = 200
 """Maximum number of nodes of an integer program: a number, so that every machine gives the same answer."""
-ROUTES_UP_TO = 20_000
+ROUTES_UP_TO = 6_000
 """Maximum number of routes of one kind that an integer program may choose from."""
 SAME = 1e-6
 """Relative tolerance of proofs: a route of a smaller gain is not priced."""

@@ -36,15 +36,16 @@ TITLE = "What is proven: bounds by column generation"
 MINMAX_PCT = {500.0: 55.5, 700.0: 107.9, 1000.0: 160.6, 1200.0: 200.3, 2000.0: 312.6}
 """By radius, the longest route of the best MinMax plan of docs/results/table.md."""
 COST_TIGHTNESS = 0.82
-COST_LIMIT_S = 10.0
+COST_LIMIT_S = 60.0
 WINDOWS = (
     (500.0, 0.82, 377.0), (500.0, 0.90, 797.0), (700.0, 0.86, 1149.0), (700.0, 0.90, 1527.0), (1000.0, 0.90, 2230.0),
+    (1200.0, 0.86, 2041.0), (2000.0, 0.90, 4086.0),
 )  # fmt: skip
 """Radius, tightness, and the least t* of any plan in docs/results/table.md."""
-WINDOW_LIMIT_S = 10.0
-LOSS_RADII_M = (700.0, 1000.0)
+WINDOW_LIMIT_S = 120.0
+LOSS_RADII_M = (1000.0, 1200.0)
 LOSS_TIGHTNESS = 0.86
-LOSSES = 10
+LOSSES = 20
 """Losses of each radius with LEAST_OPEN to MOST_OPEN open segments."""
 LEAST_OPEN, MOST_OPEN = 14, 40
 

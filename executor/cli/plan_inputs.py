@@ -181,17 +181,18 @@ def announce_planning(
     return progressed
 
 
-def bound_any_window_s(instance: Instance, found: ReplanWindow) -> float:
+def bound_any_window_s(instance: Instance, found: ReplanWindow, *, as_json: bool) -> float:
     """Return a lower bound of the begin of any plan's window, and show the progress of its proof.
 
     Args:
         instance: The instance of the plan.
         found: The window of the plan.
+        as_json: Whether the answer is JSON: then no progress is shown.
     """
     # Imported here because it loads numba.
     from planner.proofs import bound_earliest_window_s
 
-    console = TerminalConsole()
+    console = TerminalConsole(quiet=as_json, yes=True)
 
     def go_on(bound_s: float) -> bool:
         gap_pct = 100.0 * (1.0 - bound_s / found.earliest_s)

@@ -235,7 +235,7 @@ def window(
         require_extra(Extra.PROOFS, "--prove")
     instance, again = content.build_instance(), content.fly_again
     found = planner.replan_window(instance, content.plan, seed=seed, fly_again=again, prove=prove)
-    least_s = plan_inputs.bound_any_window_s(instance, found) if prove else None
+    least_s = plan_inputs.bound_any_window_s(instance, found, as_json=as_json) if prove else None
     if picture is not None:
         repairs = planner.find_repairs_at(instance, content.plan, found.earliest_s, seed=seed, fly_again=again)
         plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_window_figure(content, found, repairs))
