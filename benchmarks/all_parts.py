@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmarks.errors import BenchError
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import markdown_page
-from benchmarks.parts import csum, exact, mtsp, replan, scale, start
+from benchmarks.parts import bounds, csum, exact, mtsp, replan, scale, start
 from benchmarks.parts.names import PartName
 from benchmarks.parts.setting import Setting
 from benchmarks.progress import ShownProgress
@@ -30,11 +30,12 @@ WORK = {
     PartName.CSUM: _Work(csum.TITLE, csum.make, csum.report),
     PartName.MTSP: _Work(mtsp.TITLE, mtsp.make, mtsp.report),
     PartName.EXACT: _Work(exact.TITLE, exact.make, exact.report),
+    PartName.BOUNDS: _Work(bounds.TITLE, bounds.make, bounds.report),
     PartName.REPLAN: _Work(replan.TITLE, replan.make, replan.report),
     PartName.SCALE: _Work(scale.TITLE, scale.make, scale.report, scale.draw_scale),
     PartName.START: _Work(start.TITLE, start.make, start.report),
 }
-NEED_DATA = frozenset({PartName.CSUM, PartName.MTSP})
+NEED_DATA = frozenset({PartName.CSUM, PartName.MTSP, PartName.BOUNDS})
 
 
 def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed: int, quick: bool, fresh: bool) -> None:

@@ -98,8 +98,8 @@ def solvers(
     """Solve one instance (--instance or --radius); without one, measure the solvers, part by part.
 
     The parts: csum (c-MinSum against PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
-    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times). An interrupted part resumes
-    where it stopped.
+    optima), bounds (what is proven of up to 81 segments), replan (times of re-plans), scale (up to 10,000 segments),
+    start (start times). An interrupted part resumes where it stopped.
     """
     if instance is None and radius is None:
         _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)

@@ -1,9 +1,10 @@
-"""Solve small instances exactly: whether a plan covers everything, and the best plan with its proof.
+"""Solve instances exactly: whether a plan covers everything, and the best plan with its proof.
 
-First compute the best route of each vehicle through each set of segments; then each vehicle in turn takes its part of
-what the others leave, for all sets at once. Both are dynamic programs over sets: a set of segments is a number with a
-bit for each segment. If the longest route counts in addition to the sum, this is repeated, each time excluding the
-routes that are too long for a better plan.
+More than EXACT_SEGMENTS segments are left to column generation (``proofs.py``). For fewer, first compute the best route
+of each vehicle through each set of segments; then each vehicle in turn takes its part of what the others leave, for all
+sets at once. Both are dynamic programs over sets: a set of segments is a number with a bit for each segment. If the
+longest route counts in addition to the sum, this is repeated, each time excluding the routes that are too long for a
+better plan.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
 EXACT_SEGMENTS = 18
-"""Maximum number of segments; two more take four times the memory and up to nine times as long."""
+"""Maximum number of segments for sets; two more take four times the memory and up to nine times as long."""
 SAME = 1e-7
 """Relative tolerance for equal costs."""
 
@@ -161,23 +162,32 @@ def solve_exact(
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
-    """Return the best plan with its proof: ``Result.bound`` is its cost, None without a proof.
+    """Return the best plan with its proof: ``Result.bound`` is its cost, or less if the proof is not complete.
+
+    There is no bound if not everything is covered and the proof is not complete.
 
     As with ``solve``, no route exceeds its vehicle's budget and what cannot be covered is left out, the least value
     first; then, with ``all_vehicles``, as many vehicles as possible fly; then the cost decides.
 
     Args:
-        instance: the problem, of at most EXACT_SEGMENTS segments.
+        instance: the problem; more than EXACT_SEGMENTS segments need HiGHS, of the extra `proofs`.
         cost: the cost function to minimise.
-        stop: ends the proof before it is complete. One iteration is one vehicle that takes its part of all sets. The
-            search for a first plan takes a fraction of a second and is not stopped by it.
+        stop: ends the proof before it is complete. One iteration is one vehicle that takes its part of all sets, or one
+            pricing of routes. The search for a first plan takes up to some seconds and is not stopped by it.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
         params: tuning of that search.
         on_progress: called whenever ``stop`` is checked.
 
     Raises:
-        InstanceError: more than EXACT_SEGMENTS segments.
+        InstanceError: too many segments, or HiGHS is not installed for more than EXACT_SEGMENTS.
     """
+    if instance.segments > EXACT_SEGMENTS:
+        # Imported here: only a large proof needs the extra.
+        from planner.proofs import prove_plan
+
+        return prove_plan(
+            instance, cost=cost, stop=add_progress_report(stop, on_progress), all_vehicles=all_vehicles, params=params
+        )
     if instance.segments == 0:
         done = solve(instance, cost=cost, stop=stop)
         return replace(done, bound=done.evaluation.value)

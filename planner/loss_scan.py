@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -35,6 +35,8 @@ from planner.replan import RemainingProblem, build_remaining_problem
 
 EXACT_UP_TO = 13
 """Maximum number of open segments for an exact decision on a loss: some 20 ms."""
+PROOF_STEPS = 300
+"""Maximum number of pricings for the proof of a loss: some seconds for 40 open segments."""
 QUICK = 20
 """Divisor of the effort for the first attempt at a loss; its certificates are checked before the rest is spent."""
 
@@ -43,12 +45,14 @@ class LossScan:
     """The losses of a plan; each re-plan begins with the one of the following interval."""
 
     def __init__(
-        self, instance: Instance, plan: Plan, events_s: Sequence[float], *, seed: int, fly_again: bool
-    ) -> None:
+        self, instance: Instance, plan: Plan, events_s: Sequence[float], *, seed: int, fly_again: bool,
+        prove: bool = False,
+    ) -> None:  # fmt: skip
         self._instance = instance
         self._plan = plan
         self._events_s = events_s
         self._fly_again = fly_again
+        self._prove = prove
         self._rng = build_random_state(seed)
         self._problem = build_kernel_problem(instance)
         self._timing = timing_of(instance)
@@ -108,9 +112,18 @@ class LossScan:
         left = build_remaining_problem(self._instance, self._plan, vehicle, at_s, fly_again=self._fly_again)
         if explain_infeasibility(left.instance, ascent=ASCENT) is not None:
             return True
-        if len(left.open_segments) > EXACT_UP_TO:
+        if len(left.open_segments) <= EXACT_UP_TO:
+            plan = find_covering_plan(left.instance)
+        elif self._prove:
+            # Imported here: only a proof needs the extra.
+            from planner.proofs import decide_cover
+
+            verdict = decide_cover(left.instance, known=[left.warm], go_on=count_steps(PROOF_STEPS))
+            plan = verdict if isinstance(verdict, Plan) else None
+            if verdict is True:
+                return False
+        else:
             return False
-        plan = find_covering_plan(left.instance)
         if plan is None:
             return True
         self.keep(vehicle, left, plan)
@@ -171,6 +184,12 @@ class LossScan:
         own_first = float(instance.start_pct[vehicle, visits[0]])
         flown = first - own_first + route_energy_pct(instance, Route(vehicle, tuple(visits)))
         return self._energies_pct[vehicle] + visits_pct + flown
+
+
+def count_steps(limit: int) -> Callable[[float], bool]:
+    """Return a report for a proof that ends it after a number of steps."""
+    steps = iter(range(limit))
+    return lambda _: next(steps, None) is not None
 
 
 def timing_of(instance: Instance) -> LossTiming:

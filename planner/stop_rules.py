@@ -27,6 +27,15 @@ class Progress:
     """Whether the best plan inspects everything within the budgets."""
     impossible: bool
     """Whether it is certain that no plan does."""
+    bound: float | None = None
+    """Proven lower bound on the cost so far; None if nothing is being proven."""
+
+    @property
+    def gap_pct(self) -> float:
+        """Share of the cost that a better plan may save, by the bound; 100 without one."""
+        if self.bound is None or self.value <= 0:
+            return 100.0
+        return 100.0 * max(0.0, 1.0 - self.bound / self.value)
 
 
 @dataclass(frozen=True, slots=True)

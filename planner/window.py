@@ -43,8 +43,9 @@ EFFORT = 10_000
 
 
 def replan_window(
-    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True, losses: int = 1
-) -> ReplanWindow:
+    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True, losses: int = 1,
+    prove: bool = False,
+) -> ReplanWindow:  # fmt: skip
     """Return the re-plan window of a plan.
 
     The same arguments give the same window on every machine. Only a plan that covers everything within its budgets has
@@ -57,12 +58,19 @@ def replan_window(
         seed: seed of all randomness.
         fly_again: whether vehicles that are on the ground or returning may fly (again).
         losses: number of vehicles that may be lost, 1 or 2; the certified time of 2 includes pairs lost at once.
+        prove: decide losses of many open segments by column generation, some seconds each; needs HiGHS, of the extra
+            `proofs`. Of two losses, the first.
 
     Raises:
         PlanError: the plan does not match the instance, or no vehicle is left after the losses.
+        InstanceError: too many segments for a proof, or HiGHS is not installed.
     """
     check_routes(instance, plan)
     check_fleet(instance, losses)
+    if prove:
+        from planner.columns import check_can_prove
+
+        check_can_prove(instance.segments)
     evaluation = evaluate(instance, plan, Cost.MINMAX)
     longest_s, events = evaluation.longest_route_s, event_times_s(instance, plan)
     if plan.uncovered or evaluation.violations:
@@ -72,7 +80,9 @@ def replan_window(
         )
     if instance.segments == 0:
         return ReplanWindow(0.0, 0.0, longest_s, None, losses)
-    scan = _WindowScan(instance, plan, events, effort=effort, seed=seed, fly_again=fly_again, losses=losses)
+    scan = _WindowScan(
+        instance, plan, events, effort=effort, seed=seed, fly_again=fly_again, losses=losses, prove=prove
+    )
     broken, then = scan.find_broken()
     if broken is None:
         return ReplanWindow(0.0, 0.0, longest_s, None, losses)
@@ -100,13 +110,13 @@ class _WindowScan:
 
     def __init__(
         self, instance: Instance, plan: Plan, events_s: Sequence[float], *, effort: int, seed: int, fly_again: bool,
-        losses: int,
+        losses: int, prove: bool = False,
     ) -> None:  # fmt: skip
         # Imported here, as in solve.py: it loads numba.
         from planner.loss_scan import LossScan
 
         self._events_s, self._effort = events_s, effort
-        self._first = LossScan(instance, plan, events_s, seed=seed, fly_again=fly_again)
+        self._first = LossScan(instance, plan, events_s, seed=seed, fly_again=fly_again, prove=prove)
         self._second = None
         if losses > 1:
             from planner.second_loss import SecondLosses

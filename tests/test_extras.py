@@ -63,6 +63,7 @@ REFUSED = {
     "plan site.toml --picture plan.png": ("--picture", Extra.PICTURES),
     "plan site.toml --front --picture front.png": ("--picture", Extra.PICTURES),
     "window plan.json --picture window.png": ("--picture", Extra.PICTURES),
+    "window plan.json --prove": ("--prove", Extra.PROOFS),
     "risk plan.json --mtbf 1 --picture risk.png": ("--picture", Extra.PICTURES),
     "risk plan.json --mtbf 1 --dask tcp://127.0.0.1:1": ("--dask", Extra.DASK),
     "replay flight.ulg": ("flight.ulg: a ULog", Extra.LOGS),

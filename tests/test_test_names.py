@@ -210,6 +210,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planner/test_coverage.py": ("planner/coverage_search.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
+    "tests/planner/test_proofs.py": (
+        "planner/columns.py",
+        "planner/kernels/pricing.py",
+    ),
     "tests/planner/test_search.py": (
         "planner/plan_search.py",
         "planner/solve.py",
@@ -218,10 +222,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/kernels/repair.py",
         "planner/loss_scan.py",
     ),
-    "tests/planner/test_window_search.py": (
-        "benchmarks/table/window_bound.py",
-        "planner/kernels/robust_walk.py",
-    ),
+    "tests/planner/test_window_search.py": ("planner/kernels/robust_walk.py",),
     "tests/properties/test_geometry.py": ("missions/geometry.py",),
     "tests/properties/test_missions_areas.py": ("missions/shortest_ways.py",),
     "tests/properties/test_planner_bounds.py": (

@@ -9,6 +9,7 @@ class PartName(StrEnum):
     CSUM = "csum"
     MTSP = "mtsp"
     EXACT = "exact"
+    BOUNDS = "bounds"
     REPLAN = "replan"
     SCALE = "scale"
     START = "start"

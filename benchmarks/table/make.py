@@ -93,7 +93,7 @@ class Frame:
 
     def task(self, kind: TaskKind) -> TableTask:
         """Return a task of this cell."""
-        return TableTask(kind, self.radius_m, self.tightness, self.budget_pct)
+        return TableTask(kind, self.radius_m, self.tightness, self.budget_pct, longest_s=self.best_s)
 
 
 def build_frame(radius_m: float, tightness: float, free: Results) -> Frame:

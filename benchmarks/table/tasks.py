@@ -14,7 +14,6 @@ from benchmarks.problems import line_instance, network_of, with_budget
 from benchmarks.solvers import run_solver
 from benchmarks.store import Json
 from benchmarks.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
-from benchmarks.table.window_bound import earliest_window_bound_s
 from executor.site.site_planning import PlanSolver
 from planner import (
     PRESETS,
@@ -30,6 +29,7 @@ from planner import (
     travel_for,
 )
 from planner.evaluate import WindowResult
+from planner.proofs import bound_earliest_window_s
 
 Routes = tuple[tuple[int, ...], ...]
 
@@ -125,7 +125,7 @@ def _do(task: TableTask, table: TableSettings) -> Json:
         case TaskKind.PAIRS:
             return _pairs(task, table, instance)
         case TaskKind.BOUND:
-            return {"least_earliest_s": earliest_window_bound_s(instance)}
+            return {"least_earliest_s": bound_earliest_window_s(instance, task.longest_s)}
 
 
 def _plan(task: TableTask, table: TableSettings, instance: Instance) -> Json:

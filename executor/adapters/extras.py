@@ -24,6 +24,7 @@ class Extra(Enum):
     GEO = "geo", "openpyxl", "shapefile"
     MAPS = "maps", "rasterio", "PIL", "contourpy"
     TERRAIN = "terrain", "rasterio"
+    PROOFS = "proofs", "highspy"
 
     @property
     def modules(self) -> tuple[str, ...]:

@@ -199,7 +199,8 @@ class PlanOptions:
     solver: Annotated[
         PlanSolver,
         typer.Option(
-            help="search, faultline's own; grasp, the paper's, as a baseline; exact, proven optima up to 18 segments."
+            help="search, faultline's own; grasp, the paper's, as a baseline; exact, with a proof; for more than 18 "
+            "segments it needs the extra proofs."
         ),
     ] = PlanSolver.SEARCH
     stretch: Annotated[

@@ -29,7 +29,7 @@ from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
 from missions.files import json_text
-from planner import Progress, sorties, split_flights
+from planner import Instance, Progress, ReplanWindow, sorties, split_flights
 
 
 def load_site_with_learned(
@@ -172,11 +172,36 @@ def announce_planning(
     console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {wanted.length})")
 
     def progressed(progress: Progress) -> None:
-        console.show_progress(
-            f"{progress.iterations} iterations, {unit} {progress.value:.2f}, {progress.uncovered} left out"
+        known = f"{progress.iterations} iterations, {unit} {progress.value:.2f}, {progress.uncovered} left out"
+        proven = (
+            "" if progress.bound is None else f", proven: at least {progress.bound:.2f}, gap {progress.gap_pct:.2f} %"
         )
+        console.show_progress(known + proven)
 
     return progressed
+
+
+def bound_any_window_s(instance: Instance, found: ReplanWindow, *, as_json: bool) -> float:
+    """Return a lower bound of the begin of any plan's window, and show the progress of its proof.
+
+    Args:
+        instance: The instance of the plan.
+        found: The window of the plan.
+        as_json: Whether the answer is JSON: then no progress is shown.
+    """
+    # Imported here because it loads numba.
+    from planner.proofs import bound_earliest_window_s
+
+    console = TerminalConsole(quiet=as_json, yes=True)
+
+    def go_on(bound_s: float) -> bool:
+        gap_pct = 100.0 * (1.0 - bound_s / found.earliest_s)
+        console.show_progress(f"proven: no window of any plan begins before {bound_s:.0f} s, gap {gap_pct:.1f} %")
+        return True
+
+    bound_s = bound_earliest_window_s(instance, found.earliest_s, go_on=go_on)
+    console.show_progress("")
+    return bound_s
 
 
 def write_named_file(path: Path | None, write: Callable[[Path], object]) -> None:

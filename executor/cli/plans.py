@@ -12,6 +12,7 @@ import typer
 
 import missions
 import planner
+from executor.adapters.extras import Extra, require_extra
 from executor.cli import options, plan_inputs
 from executor.cli.console import TerminalConsole
 from executor.cli.exit_codes import ANSWER_IS_NO
@@ -208,6 +209,14 @@ def window(
             metavar="PNG", help="Draw battery consumption over time, with the re-plans of the earliest losses."
         ),
     ] = None,
+    prove: Annotated[
+        bool,
+        typer.Option(
+            "--prove",
+            help="Decide more losses for certain, and bound the window of any plan, by column generation: up to "
+            "minutes; needs the extra proofs.",
+        ),
+    ] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Compute the time from which the fleet can finish without any one or two vehicles, and the loss that breaks this.
@@ -226,17 +235,18 @@ def window(
             raise SiteError("--picture: expected none for a day plan; `plan --day --picture` draws its sorties")
         plan_inputs.print_loss_windows(content, seed, as_json=as_json)
         return
-    found = planner.replan_window(
-        content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again, losses=losses
-    )
+    if prove:
+        require_extra(Extra.PROOFS, "--prove")
+    instance, again = content.build_instance(), content.fly_again
+    found = planner.replan_window(instance, content.plan, seed=seed, fly_again=again, losses=losses, prove=prove)
+    least_s = plan_inputs.bound_any_window_s(instance, found, as_json=as_json) if prove else None
     if picture is not None:
-        again = content.fly_again
-        repairs = planner.find_repairs_at(
-            content.build_instance(), content.plan, found.earliest_s, seed=seed, fly_again=again
-        )
+        repairs = planner.find_repairs_at(instance, content.plan, found.earliest_s, seed=seed, fly_again=again)
         plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_window_figure(content, found, repairs))
     plan_inputs.print_result(
-        lambda: _build_window_document(content, found), _describe_found_window(content, found), as_json=as_json
+        lambda: _build_window_document(content, found, least_s),
+        _describe_found_window(content, found, least_s),
+        as_json=as_json,
     )
 
 
@@ -286,17 +296,21 @@ def replan(
         raise typer.Exit(ANSWER_IS_NO)
 
 
-def _build_window_document(content: missions.PlanFile, found: planner.ReplanWindow) -> dict[str, object]:
+def _build_window_document(
+    content: missions.PlanFile, found: planner.ReplanWindow, least_s: float | None
+) -> dict[str, object]:
     figures = ("window_pct", "earliest_s", "certified_earliest_s", "certified_window_pct", "longest_route_s", "losses")
     return {key: getattr(found, key) for key in figures} | {
         key: None if loss is None else {
             "vehicle": content.names[loss.vehicle], "from_s": loss.from_s, "to_s": loss.to_s,
         }
         for key, loss in (("breaking", found.breaking), ("then", found.then))
-    }  # fmt: skip
+    } | ({} if least_s is None else {"any_plan_earliest_s": least_s})  # fmt: skip
 
 
-def _describe_found_window(content: missions.PlanFile, found: planner.ReplanWindow) -> Iterator[str]:
+def _describe_found_window(
+    content: missions.PlanFile, found: planner.ReplanWindow, least_s: float | None
+) -> Iterator[str]:
     breaking, whom = found.breaking, plan_summary.name_losses(found.losses)
     yield (
         f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of "
@@ -315,6 +329,8 @@ def _describe_found_window(content: missions.PlanFile, found: planner.ReplanWind
             f"certified: not every loss can be re-planned before {found.certified_earliest_s:.0f} s, so no window of "
             f"this plan is larger than {found.certified_window_pct:.1f} %"
         )
+    if least_s is not None:
+        yield f"certified: with these budgets no window of any plan begins before {least_s:.0f} s"
 
 
 def _print_plan(

@@ -82,9 +82,9 @@ class PlanRequest:
         """Check that the solver supports the request.
 
         Raises:
-            PlanFileError: the solver does not support the window, coverage or an iteration limit, the paper's solver is to
-                be tuned, failures are given for a cost without any, or two losses with a cost that does not take them
-                into account.
+            PlanFileError: the solver does not support the window, coverage or an iteration limit, the paper's solver is
+                to be tuned, failures are given for a cost without any, or two losses with a cost that does not take
+                them into account.
         """
         if self.losses != 1 and (self.cost is not None or self.usual or self.mtbf_h is not None):
             name = planner.Cost.MINMAX.value if self.usual else self.name

@@ -116,9 +116,7 @@ def test_every_figure_of_kept_files_is_right(version: str) -> None:
 @pytest.mark.parametrize("version", ["v1", "v2"])
 def test_a_plan_of_another_kind_is_refused_in_one_line(version: str) -> None:
     folder = KEPT[0].parents[1] / version
-    with pytest.raises(
-        PlanFileError, match=r"days\.json: days: expected a plan for a single flight, got a day plan$"
-    ):
+    with pytest.raises(PlanFileError, match=r"days\.json: days: expected a plan for a single flight, got a day plan$"):
         read_plan(folder / "days.json")
     with pytest.raises(
         PlanFileError, match=r"small\.json: days: expected a day plan, got the plan of a single flight$"

@@ -6,7 +6,6 @@ import itertools
 
 import pytest
 
-from benchmarks.table.window_bound import earliest_window_bound_s
 from planner import (
     PRESETS,
     Cost,
@@ -25,6 +24,7 @@ from planner import (
     travel_for,
 )
 from planner.evaluate import rank_window
+from planner.proofs import bound_earliest_window_s
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 SMALL = random_instance(3, 8, fleet(34.0, 34.0, 34.0))
@@ -52,7 +52,8 @@ def test_a_window_larger_than_mincombs_at_its_own_length(nechranice: Instance) -
     assert found.evaluation.longest_route_s <= mincomb.evaluation.longest_route_s + 1e-6
     assert found.window == replan_window(nechranice, found.plan)
     assert found.window.earliest_s < replan_window(nechranice, mincomb.plan).earliest_s
-    assert earliest_window_bound_s(nechranice) <= found.window.certified_earliest_s <= found.window.earliest_s
+    assert bound_earliest_window_s(nechranice, longest_s) <= found.window.certified_earliest_s
+    assert found.window.certified_earliest_s <= found.window.earliest_s
 
 
 def test_the_same_iterations_give_the_same_plan_on_two_threads() -> None:

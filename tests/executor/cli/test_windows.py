@@ -50,6 +50,19 @@ def test_what_breaks_a_tight_plan_is_named(place: Place) -> None:
     assert place.run("replan", plan, "--lost", lost, "--at", at_s, "--seconds", "0.2")[0] == 1
 
 
+def test_a_proof_bounds_the_window_of_this_plan_and_of_any(place: Place) -> None:
+    pytest.importorskip("highspy")
+    tight(place)
+    plan = place.path("tight.json")
+    place.run("plan", place.path("site.toml"), "--cost", "minmax", "--all-vehicles", "--seconds", "0.2", "-o", plan)
+    code, out, _ = place.run("window", plan, "--prove", "--json")
+    answer = json.loads(out)
+    assert code == 0
+    assert 0 <= answer["any_plan_earliest_s"] <= answer["earliest_s"]
+    assert answer["certified_earliest_s"] <= answer["earliest_s"]
+    assert "no window of any plan begins before" in place.run("window", plan, "--prove")[1]
+
+
 def test_a_plan_chosen_by_its_window_is_no_worse_and_checks(place: Place) -> None:
     tight(place)
     site, plan, chosen = place.path("site.toml"), place.path("plan.json"), place.path("chosen.json")
