@@ -325,12 +325,12 @@ def make_radio_cases(
 
 TITLE = "A fleet behind one telemetry radio"
 INTRODUCTION = (
-    "`{command}`: {flights} flights in virtual time over a straight line, {spans} spans of {span:g} m"
-    " for each vehicle, behind an emulated radio (`faultline simulate --radio`). The second vehicle crashes {lost:g} s"
-    " into its mission. `sik-ecc` has the firmware that is sold, which destroys frames, `sik-ecc-mended` has not. LTE"
-    " and mLRS are a channel of each vehicle's own. `Asked`: from the first heartbeat to the checklist; `loaded`: all"
-    " first missions on board and proven; `re-plan`: from the solver's answer until the last survivor's mission is on board"
-    " and proven. `Late` counts the times that a vehicle did not hear our heartbeat for more than {late:g} s, with the"
+    "`{command}`: {flights} flights in virtual time over a straight line, {spans} spans of {span:g} m for each "
+    "vehicle, behind an emulated radio (`faultline simulate --radio`). The second vehicle crashes {lost:g} s into its"
+    " mission. `sik-ecc` has the firmware that is sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS"
+    " are a channel of each vehicle's own. `Asked`: from the first heartbeat to the checklist; `loaded`: all first "
+    "missions on board and proven; `re-plan`: from the solver's answer until the last survivor's mission is on board "
+    "and proven. `Late` counts the times that a vehicle did not hear our heartbeat for more than {late:g} s, with the"
     " longest."
 )
 COLUMNS = (
