@@ -277,10 +277,21 @@ def radio(
             metavar="PROFILE", help="A profile of `simulate --radio`; may be repeated. By default six of them."
         ),
     ] = None,
-    vehicles: Annotated[int, typer.Option(min=2, max=8, help="Vehicles behind the radio.")] = 4,
-    flights: Annotated[int, typer.Option(min=1, help="Flights over each radio with each autopilot.")] = 1,
+    vehicles: Annotated[
+        list[int] | None, typer.Option(min=2, max=8, help="Vehicles behind the radio; may be repeated. By default 4.")
+    ] = None,
+    flights: Annotated[int, typer.Option(min=1, help="Flights of each kind, each with the next seed.")] = 1,
     seed: SeedOption = 1,
     autopilot: AutopilotsOption = None,
+    signed: Annotated[bool, typer.Option("--signed", help="Fly each also with signed frames.")] = False,
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Keep each result there as soon as it is flown, and fly only what is not there yet: a campaign that "
+            "can be interrupted.",
+        ),
+    ] = None,
     jobs: JobsOption = None,
     out: Annotated[Path | None, make_output_option("radio.md and radio.json")] = None,
     as_json: JsonOption = False,
@@ -288,15 +299,26 @@ def radio(
     """Fly a fleet behind one telemetry radio and lose a vehicle: when are missions and re-plans on board?
 
     The radio is emulated, and flights are in virtual time; a flight takes about half a minute of a core. The same seed
-    gives the same figures for any number of processes. Exit 1 if a healthy vehicle was declared lost, or a flight could
-    not be flown.
+    gives the same figures for any number of processes. Exit 1 if a healthy vehicle was declared lost, if a proof broke,
+    if not everything was inspected, or if a flight could not be flown.
     """
-    from benchmarks.radio import RADIOS, fly_over_radio, make_radio_cases, radio_document, report_radio
+    from benchmarks.radio import (
+        RADIOS,
+        fly_and_keep,
+        fly_over_radio,
+        make_radio_cases,
+        radio_document,
+        report_radio,
+    )
 
     autopilots, asked = _select_autopilots(autopilot)
-    flown = _flown(fly_over_radio, make_radio_cases(radio or RADIOS, [vehicles], autopilots, flights, seed), jobs)
+    signs = [False, True] if signed else [False]
+    cases = make_radio_cases(radio or RADIOS, vehicles or [4], autopilots, flights, seed, signs)
+    flown = _flown(fly_over_radio if into is None else partial(fly_and_keep, folder=into), cases, jobs)
     asked += [part for one in radio or () for part in ("--radio", one)]
-    figures = ["--vehicles", str(vehicles), "--flights", str(flights), "--seed", str(seed)]
+    asked += ["--signed"] if signed else []
+    asked += [part for one in vehicles or [4] for part in ("--vehicles", str(one))]
+    figures = ["--flights", str(flights), "--seed", str(seed)]
     content = radio_document(flown, shlex.join(["faultline", "bench", "radio", *asked, *figures]), seed)
     finish_command(content, report_radio, out, as_json=as_json, failed=bool(content["wrong"]))
 

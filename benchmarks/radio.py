@@ -10,21 +10,26 @@ import asyncio
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from benchmarks.errors import FlightNotFlown
-from benchmarks.machine import head, machine_line
+from benchmarks.machine import head, machine, machine_line
 from benchmarks.markdown import Rows, figure
 from benchmarks.parallel_flights import FlightCase
 from benchmarks.prediction import plan_with
 from benchmarks.report import Report, Table
-from benchmarks.store import Json
+from benchmarks.store import Json, Store
+from benchmarks.virtual.radio import share_port
 from benchmarks.virtual_flight import VirtualFlight, VirtualRun, fly_virtual
 from benchmarks.virtual_site import build_virtual_site
+from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, LinkSigning
 from executor.core.context import Context
 from executor.core.state.fleet_state import FleetState
 from executor.errors import ExecutorError
@@ -34,8 +39,9 @@ from executor.site.site_model import SiteModel
 from missions import PlanFile
 from missions.fences import Fence
 from missions.geo import LocalFrame
+from simulator.config import Signing, SimVehicle
 from simulator.messages import Heartbeat, Received
-from simulator.radio import Radio, parse_radio
+from simulator.radio import RADIO_COMPONENT, RADIO_SYSTEM, Radio, parse_radio
 
 SPAN_M = 30.0
 SPANS_EACH = 32
@@ -47,6 +53,7 @@ HOME = LocalFrame(49.6, 15.6, 450.0)
 MISSION_ITEM_INT, ITEM_HEAD = 73, 10
 LATE_S = 2.0
 """Gap between two GCS heartbeats heard by a vehicle above which one is late: by more than a second."""
+KEY = bytes(range(32))
 RADIOS = ("sik", "lte", "mlrs-31", "sik-ecc-mended", "sik-ecc", "mesh")
 
 
@@ -56,6 +63,12 @@ class RadioCase(FlightCase):
 
     radio: str
     vehicles: int
+    signed: bool = False
+
+    def __str__(self) -> str:
+        """Return the case in words."""
+        frames = "signed" if self.signed else "unsigned"
+        return f"{self.radio}, {self.autopilot}, {self.vehicles} vehicles, {frames}, seed {self.seed}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +79,8 @@ class RadioFlight:
     autopilot: str
     vehicles: int
     seed: int
+    signed: bool = False
+    commit: str = ""
     failure: str = ""
     """Why it did not fly; empty if it did."""
     asked_s: float | None = None
@@ -95,6 +110,12 @@ class RadioFlight:
     """Runs along a segment that did not count."""
     finished: bool = False
 
+    @property
+    def wrong(self) -> str:
+        """What must not happen in any flight; empty if nothing of it did."""
+        left_over = [] if self.finished or self.failure else ["not all inspected"]
+        return "; ".join([*([self.failure] if self.failure else []), *self.false_faults, *self.broken, *left_over])
+
 
 @dataclass(slots=True)
 class _Air:
@@ -123,9 +144,14 @@ class _Air:
 class RadioRun(VirtualRun):
     """A flight over a radio, with time measurements."""
 
-    def __init__(self, *args: Any, air: _Air, stages: dict[str, float], radio: str) -> None:  # noqa: ANN401
+    def __init__(self, *args: Any, air: _Air, stages: dict[str, float], case: RadioCase) -> None:  # noqa: ANN401
         """Prepare; the arguments are those of a `VirtualRun`, and the records to fill in."""
-        super().__init__(*args, radio=radio)
+        super().__init__(*args, radio=case.radio)
+        shared = parse_radio(case.radio).profile.shared
+        ends = list(self.radios.values())
+        for number, behind in enumerate([ends] if shared else [[end] for end in ends]) if case.signed else ():
+            signing = LinkSigning(KEY, number, lambda: EPOCH_UNIX_S + asyncio.get_running_loop().time())
+            share_port(behind, MavlinkCodec(signing, self._order.site.link.senders))
         self._air, self._stages = air, stages
         self._radios = list({id(one.radio): one.radio for one in self._vehicles.values() if one.radio}.values())
         for one in self._radios:
@@ -190,7 +216,10 @@ def make_site(folder: Path, case: RadioCase) -> tuple[SiteModel, PlanFile]:
     ]
     path = folder / "line.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    tables = {"link": {"one_radio": True}} if parse_radio(case.radio).profile.shared else {}
+    tables: dict[str, dict[str, object]] = {"link": {"one_radio": parse_radio(case.radio).profile.shared}}
+    if case.signed:
+        tables["link"]["radios"] = [{"system": RADIO_SYSTEM, "component": RADIO_COMPONENT}]
+        tables["signing"] = {"key_env": "UNUSED"}
     ground = build_virtual_site(path, None, case.vehicles, case.autopilot, tables=tables)
     routes = {
         name: tuple(2 * visit for visit in range(SPANS_EACH * number, SPANS_EACH * (number + 1)))
@@ -201,7 +230,8 @@ def make_site(folder: Path, case: RadioCase) -> tuple[SiteModel, PlanFile]:
 
 def fly_over_radio(case: RadioCase) -> RadioFlight:
     """Fly once."""
-    empty = RadioFlight(case.radio, case.autopilot, case.vehicles, case.seed)
+    commit = str(machine()["commit"])
+    empty = RadioFlight(case.radio, case.autopilot, case.vehicles, case.seed, case.signed, commit)
     air, stages = _Air(), dict[str, float]()
     with tempfile.TemporaryDirectory(prefix="faultline-radio-") as folder:
         ground, plan = make_site(Path(folder), case)
@@ -209,11 +239,38 @@ def fly_over_radio(case: RadioCase) -> RadioFlight:
         try:
             flight = fly_virtual(
                 ground, plan, faults=[f"{lost}:crash@{LOST_S:g}s"], seed=case.seed, limit_s=LIMIT_S,
-                make=partial(RadioRun, air=air, stages=stages, radio=case.radio),
+                make=partial(RadioRun, air=air, stages=stages, case=case), craft=_sign if case.signed else _leave,
             )  # fmt: skip
         except (ExecutorError, FlightNotFlown) as error:
             return _judge_ground(replace(empty, failure=str(error)), stages)
     return _judge_air(_judge_ground(empty, stages), flight, air, stages, lost)
+
+
+def _leave(vehicle: SimVehicle) -> SimVehicle:
+    return vehicle
+
+
+def _sign(vehicle: SimVehicle) -> SimVehicle:
+    return replace(vehicle, signing=Signing(KEY, 0))
+
+
+def fly_and_keep(
+    case: RadioCase, folder: Path, fly: Callable[[RadioCase], RadioFlight] = fly_over_radio
+) -> RadioFlight:
+    """Fly once and write the result to the folder, with a line of progress; what is there already is not flown again.
+
+    Raises:
+        BenchError: the folder cannot be written.
+    """
+    store = Store(folder)
+    key, settings = str(case).replace(", ", "-").replace(" ", "-").replace(":", "-"), {"case": str(case)}
+    result = store.find_or_make(key, settings, lambda: asdict(fly(case)))
+    lists = {name: tuple(result[name]) for name in ("false_faults", "broken")}
+    flight = RadioFlight(**{**result, **lists})
+    times = (("asked", flight.asked_s), ("loaded", flight.loaded_s), ("re-plan", flight.replan_upload_s))
+    figures = [f"{name} {figure(time_s, 1)} s" for name, time_s in times]
+    typer.echo(f"{case}: {', '.join(figures)}, {flight.late_heartbeats} late; {flight.wrong or 'right'}", err=True)
+    return flight
 
 
 def _judge_ground(empty: RadioFlight, stages: Mapping[str, float]) -> RadioFlight:
@@ -248,55 +305,62 @@ def _judge_air(
 
 
 def make_radio_cases(
-    radios: Sequence[str], vehicles: Sequence[int], autopilots: Sequence[str], flights: int, seed: int
+    radios: Sequence[str],
+    vehicles: Sequence[int],
+    autopilots: Sequence[str],
+    flights: int,
+    seed: int,
+    signs: Sequence[bool] = (False,),
 ) -> list[RadioCase]:
-    """Return the flights, in the order of the radios."""
+    """Return the flights: all radios with the first seed, then with the next."""
     return [
-        RadioCase(number, seed + number, autopilot, radio, count)
+        RadioCase(number, seed + number, autopilot, radio, count, signed)
+        for number in range(flights)
         for radio in radios
         for autopilot in autopilots
         for count in vehicles
-        for number in range(flights)
-    ]
+        for signed in signs
+    ]  # fmt: skip
 
 
 TITLE = "A fleet behind one telemetry radio"
 INTRODUCTION = (
-    "`{command}`: flights in virtual time of {vehicles} vehicles over a straight line, {spans} spans of {span:g} m"
-    " each, behind an emulated radio (`faultline simulate --radio`). The second vehicle crashes {lost:g} s into its"
+    "`{command}`: {flights} flights in virtual time over a straight line, {spans} spans of {span:g} m for each "
+    "vehicle, behind an emulated radio (`faultline simulate --radio`). The second vehicle crashes {lost:g} s into its"
     " mission. `sik-ecc` has the firmware that is sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS"
-    " are a channel of each vehicle's own. `Asked`: from the first heartbeat to the checklist; `loaded`: all first"
-    " missions on board and proven; `re-plan`: from the solver's answer until the last survivor's mission is on board"
-    " and proven. `Late` counts the times that a vehicle did not hear our heartbeat for more than {late:g} s, with the"
+    " are a channel of each vehicle's own. `Asked`: from the first heartbeat to the checklist; `loaded`: all first "
+    "missions on board and proven; `re-plan`: from the solver's answer until the last survivor's mission is on board "
+    "and proven. `Late` counts the times that a vehicle did not hear our heartbeat for more than {late:g} s, with the"
     " longest."
 )
 COLUMNS = (
-    "radio", "autopilot", "asked (s)", "loaded (s)", "items", "each sent", "re-plan (s)", "each sent then", "late",
-    "longest (s)", "sent up (B/s)", "false faults", "broken proofs", "all inspected",
+    "radio", "autopilot", "vehicles", "signed", "seed", "asked (s)", "loaded (s)", "items", "each sent", "re-plan (s)",
+    "each sent then", "late", "longest (s)", "sent up (B/s)", "false faults", "broken proofs", "all inspected",
 )  # fmt: skip
 
 
 def radio_document(flights: Sequence[RadioFlight], command: str, seed: int) -> Json:
     """Return the content of radio.json."""
     rows = [asdict(one) for one in flights]
-    wrong = sum(bool(one.failure or one.false_faults) for one in flights)
+    wrong = sum(bool(one.wrong) for one in flights)
     return {**head("radio/1", command), "seed": seed, "flights": rows, "wrong": wrong}
 
 
 def report_radio(content: Mapping[str, Any]) -> Report:
     """Return the page."""
     said = INTRODUCTION.format(
-        command=content["command"], vehicles=content["flights"][0]["vehicles"], spans=SPANS_EACH, span=SPAN_M,
-        lost=LOST_S, late=LATE_S,
+        command=content["command"], flights=len(content["flights"]), spans=SPANS_EACH, span=SPAN_M, lost=LOST_S,
+        late=LATE_S,
     )  # fmt: skip
     rows: Rows = [
         (
-            row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), str(row["items"]),
+            row["radio"], row["autopilot"], str(row["vehicles"]), "yes" if row["signed"] else "no", str(row["seed"]),
+            figure(row["asked_s"], 1), figure(row["loaded_s"], 1), str(row["items"]),
             figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
             str(row["late_heartbeats"]), figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
             str(len(row["false_faults"])), str(len(row["broken"])),
             "yes" if row["finished"] else row["failure"] or "no",
         )
-        for row in content["flights"]
+        for row in sorted(content["flights"], key=lambda row: (row["radio"], row["autopilot"], row["vehicles"]))
     ]  # fmt: skip
     return Report("radio", TITLE, content, (machine_line(dict(content["machine"])), said, Table(COLUMNS, rows, TITLE)))

@@ -48,6 +48,10 @@ Sent = tuple[messages.Outgoing, ...]
 LEAST_PERIOD_S = 0.25
 """Least interval of unrequested repeats of an item; the vehicle or this computer may be busy."""
 LAST_ITEM_PERIOD_S = 1.0
+GRACE_S = 0.2
+"""Longest wait for what may have come in one packet with a repeated request."""
+COPIES_LEFT = 2
+"""Copies of an item for which the time is left until the vehicle gives up, whatever the link."""
 MOST_AHEAD = 16
 """Most items or questions in flight: half a telemetry radio's buffer."""
 FIRST_AHEAD = 8
@@ -115,6 +119,10 @@ class UploadDialogue(DialogueMachine):
     round_trip: RoundTrip = field(default=FIRST_TRIP, kw_only=True)
     heard_s: float = 0.0
     """Time of the vehicle's last request."""
+    asked_s: float = 0.0
+    """Time of its first request for the item that it waits for."""
+    doubts: bool = False
+    """Whether that item seems to be lost, and goes out again at the deadline."""
     refusal: int | None = None
     """Error received since its last request."""
     early: bool = False
@@ -149,7 +157,7 @@ class UploadDialogue(DialogueMachine):
         """
         fresh = replace(
             self, moved=True, is_touched=self.is_begun, counts_sent=0, counted_s=now_s, heard_s=now_s, furthest=-1,
-            under_way=(), room=FIRST_AHEAD, highest=-1, repeats=0, refusal=None, early=False,
+            under_way=(), room=FIRST_AHEAD, highest=-1, repeats=0, refusal=None, early=False, doubts=False,
         )  # fmt: skip
         return _announce_items(fresh, now_s)
 
@@ -178,6 +186,8 @@ class UploadDialogue(DialogueMachine):
             return _announce_items(self, now_s)
         if self.early:
             return self._finish(Accepted()), ()
+        if self.doubts:
+            return _send_again(self, now_s)
         silent = now_s - self.heard_s >= self.silence_s - SAME_S
         if self.refusal is not None and (silent or self.is_all_sent):
             return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
@@ -199,10 +209,11 @@ class UploadDialogue(DialogueMachine):
         state = replace(self, heard_s=now_s, refusal=None, early=False, repeats=0)
         if seq == self.furthest:
             return _repeat_if_lost(state, now_s)
+        state = replace(state, doubts=False)
         if seq < self.furthest:  # a late double, or a vehicle that has begun anew
-            if self.under_way and now_s - self.under_way[0].at_s < self.usual_s:
+            if self.under_way and now_s - self.under_way[0].at_s < self.find_repeat_s(now_s):
                 return _wait_for_answer(state, now_s), ()
-            return _send_items(replace(state, furthest=seq), (), seq, now_s, self.room)
+            return _send_items(replace(state, furthest=seq, asked_s=now_s), (), seq, now_s, self.room)
         come = [one for one in self.under_way if one.seq < seq]  # it has all that stands before what it asks for
         left = tuple(one for one in self.under_way if one.seq >= seq)
         trip = self.round_trip
@@ -211,13 +222,23 @@ class UploadDialogue(DialogueMachine):
         elif not self._is_asked and self.counts_sent == 1:
             trip = trip.record_round_trip(now_s - self.counted_s)
         room = min(self.ahead, self.room + len(come))
-        state = replace(state, furthest=seq, round_trip=trip, room=room)
+        state = replace(state, furthest=seq, asked_s=now_s, round_trip=trip, room=room)
         return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, room - len(left))
 
     @property
-    def usual_s(self) -> float:
-        """By when most of what was sent is answered."""
-        return min(self.round_trip.usual_s, self.round_trip.most_s)
+    def grace_s(self) -> float:
+        """Time to wait for the requests behind one that was repeated: a radio sends several in one packet."""
+        mean_s = self.round_trip.mean_s or 0.0
+        return 0.0 if mean_s < AHEAD_TRIP_S else min(GRACE_S, mean_s / 4)
+
+    def find_repeat_s(self, now_s: float) -> float:
+        """Return after how long an item that the vehicle still asks for is sent again.
+
+        That is by when most of what was sent is answered, and sooner as the vehicle's patience ends: another copy costs
+        less than the whole list.
+        """
+        left_s = self.asked_s + self.silence_s - now_s
+        return min(self.round_trip.usual_s, self.round_trip.most_s, max(REPEAT_S, left_s / COPIES_LEFT))
 
     def _handle_acknowledgement(self, result: int, checksum: int | None) -> Self:
         all_asked = self.furthest == len(self.items) - 1
@@ -243,10 +264,19 @@ def _announce_items(state: U, now_s: float) -> tuple[U, Sent]:
 
 def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     """Send what the vehicle waits for again, unless that may still be on its way; what is behind it is lost too."""
-    first = state.under_way[0] if state.under_way else None
-    if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
-        return _wait_for_answer(state, now_s), ()
-    state = replace(state, room=min(state.room, AGAIN_AHEAD))
+    if state.doubts:
+        return state, ()
+    first, grace_s = state.under_way[0] if state.under_way else None, state.grace_s
+    if first is not None and first.seq == state.furthest:
+        # What was sent with an item that has just arrived is on its way, however long the radio took for it.
+        waits_s = state.find_repeat_s(now_s)
+        if now_s - first.at_s < waits_s or now_s - state.asked_s < waits_s / 2:
+            return _wait_for_answer(state, now_s), ()
+    return (replace(state, doubts=True, deadline_s=now_s + grace_s), ()) if grace_s else _send_again(state, now_s)
+
+
+def _send_again(state: U, now_s: float) -> tuple[U, Sent]:
+    state = replace(state, room=min(state.room, AGAIN_AHEAD), doubts=False)
     return _send_items(state, (), state.furthest, now_s, state.room)
 
 

@@ -491,13 +491,17 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
 
 def _fill(once: Iterable[tuple[str, Link]], clock: Clock) -> None:
     for name, link in once:
-        if channel_of(link).is_quiet(FILLER_S / clock.speedup):
+        channel = channel_of(link)
+        # Between the items of a transfer others may still be in the radio: a filler would keep the next one waiting.
+        if channel.is_quiet((TRANSFER_QUIET_S if channel.is_busy else FILLER_S) / clock.speedup):
             supervised.call_safely(f"a filler to {name}", link.send, SendFiller())
 
 
 LEAST_SHARE = 0.5
 FILLER_S = 0.1
 """Interval of fillers of 26 bytes: 261 bytes pass in a second."""
+TRANSFER_QUIET_S = 1.0
+"""Time without a message after which fillers are sent during a transfer: it has stalled."""
 EMPTY_PCT = 90
 """Free share of our radio's buffer from which it has nothing else to send."""
 MANY_LOST, COUNTS = 0.025, 16

@@ -466,8 +466,18 @@ async def _order_and_see(
 async def _wait_for_confirmation(
     link: Link, clock: Clock, wanted: Callable[[Heartbeat], bool], otherwise: str
 ) -> ProcedureResult:
+    """Wait for a heartbeat that shows it; ask for one before the vehicle is judged, as all may have been lost."""
     patience_s = max(MODE_TIMEOUT_S, PATIENCE_REAL_S * clock.speedup)
     seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), patience_s)
+    if not seen:
+        shown: list[bool] = []
+        with dialogue.listen_to(
+            link, lambda message: shown.append(wanted(message)) if isinstance(message, Heartbeat) else None
+        ):
+            await send_order(link, clock, CommandDialogue(vehicle_commands.request_message(HEARTBEAT), "heartbeat"))
+            if not shown:
+                await wait_for(link, clock, lambda message: isinstance(message, Heartbeat), patience_s)
+        seen = any(shown)
     return ProcedureResult(seen, "" if seen else otherwise, code=None if seen else Ending.NOT_CONFIRMED)
 
 

@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
-from benchmarks.radio import RadioFlight, _Air, make_radio_cases, radio_document, report_radio
+from pathlib import Path
+
+import pytest
+
+from benchmarks.radio import RadioCase, RadioFlight, _Air, fly_and_keep, make_radio_cases, radio_document, report_radio
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.core.interface.messages import MissionItemInt, SendHeartbeat
 from missions import MissionItem
 
 
 def test_every_radio_is_flown_with_each_autopilot_from_its_own_seed() -> None:
-    cases = make_radio_cases(["sik", "lte"], [3, 4], ["ardupilot", "px4"], 2, 7)
-    assert len(cases) == 16
-    assert [(one.radio, one.autopilot, one.vehicles, one.seed) for one in cases[:3]] == [
-        ("sik", "ardupilot", 3, 7), ("sik", "ardupilot", 3, 8), ("sik", "ardupilot", 4, 7),
-    ]  # fmt: skip
+    cases = make_radio_cases(["sik", "lte"], [3, 4], ["ardupilot", "px4"], 2, 7, [False, True])
+    assert len(cases) == 32
+    assert [str(one) for one in cases[:3]] == [
+        "sik, ardupilot, 3 vehicles, unsigned, seed 7",
+        "sik, ardupilot, 3 vehicles, signed, seed 7",
+        "sik, ardupilot, 4 vehicles, unsigned, seed 7",
+    ]
+    assert {one.seed for one in cases[:16]} == {7}, "a campaign that is broken off has flown every kind"
+
+
+def test_a_campaign_flies_only_what_is_not_in_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flown: list[RadioCase] = []
+
+    def fly(case: RadioCase) -> RadioFlight:
+        flown.append(case)
+        return RadioFlight(case.radio, case.autopilot, case.vehicles, case.seed, asked_s=9.0, broken=("uav1: gap",))
+
+    first, second = make_radio_cases(["sik"], [3], ["px4"], 2, 1)
+    once = fly_and_keep(first, tmp_path, fly)
+    assert fly_and_keep(first, tmp_path, fly) == once
+    fly_and_keep(second, tmp_path, fly)
+    assert flown == [first, second]
+    assert capsys.readouterr().err.splitlines()[0] == (
+        "sik, px4, 3 vehicles, unsigned, seed 1: asked 9.0 s, loaded - s, re-plan - s, 0 late; "
+        "uav1: gap; not all inspected"
+    )
 
 
 def test_items_are_counted_by_vehicle_and_place() -> None:
@@ -39,7 +64,8 @@ def test_a_false_fault_and_a_flight_that_was_not_flown_are_wrong() -> None:
         RadioFlight("mesh", "px4", 4, 3, failure="uav1: not ready"),
     ]
     content = radio_document(flights, "faultline bench radio", 1)
+    assert [one.wrong for one in flights] == ["", "uav1: link lost; not all inspected", "uav1: not ready"]
     assert content["wrong"] == 2
     page = report_radio(content).page()
-    assert "| sik | px4 | 10.0 | 7.0 | 160 |" in page
+    assert "| sik | px4 | 4 | no | 1 | 10.0 | 7.0 | 160 |" in page
     assert "uav1: not ready" in page

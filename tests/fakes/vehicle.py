@@ -25,6 +25,7 @@ from executor.core.interface.messages import (
     SendParamRequest,
     SendParamSet,
 )
+from executor.core.radio_budget import HEARTBEAT
 from executor.protocols import vehicle_commands
 from missions import Command, Dialect, Frame, MissionItem, MissionKind, ModeNumber, compute_list_checksum
 from tests.fakes.mission_file import FakeMissionFile
@@ -217,6 +218,8 @@ class FakeAutopilot:
         """Commands that are acknowledged and not obeyed."""
         self.tires = False
         """Whether it disarms by itself as the mission starts: the order came too late."""
+        self.unheard = False
+        """Whether every heartbeat that was not asked for gets lost."""
         self.armed = False
         self.mode = dialect.modes.hold
         self.commands: list[int] = []
@@ -235,7 +238,7 @@ class FakeAutopilot:
             said += [_of(kind, message) for message in one.tick(now_s)]
         if now_s >= self._beat_s:
             self._beat_s = now_s + HEARTBEAT_S
-            said.append(self.heartbeat())
+            said += [] if self.unheard else [self.heartbeat()]
         return said
 
     def heartbeat(self) -> Heartbeat:
@@ -269,7 +272,8 @@ class FakeAutopilot:
         result = results.pop(0) if len(results) > 1 else results[0]
         if result == ACCEPTED and message.command not in self.deaf:
             self._obey(message)
-        return [CommandAck(message.command, result)]
+        asked = message.command == vehicle_commands.REQUEST_MESSAGE and message.params[0] == HEARTBEAT
+        return [CommandAck(message.command, result), *([self.heartbeat()] if asked else [])]
 
     def _obey(self, message: SendCommand) -> None:
         modes = self.dialect.modes

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.radio import RadioCase, make_site
 from benchmarks.virtual.radio import MemoryRadio, run_radios, share_port
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
@@ -18,6 +19,7 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.parameter_changes import UNASKED
 from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.radio_budget import list_streams_hz
 from executor.flight.preparation import (
     apply_changes,
     build_context_and_checklist,
@@ -27,12 +29,15 @@ from executor.flight.preparation import (
 )
 from executor.flight.restore_vehicles import PARAMETERS, restore_board
 from executor.flight.run_start import FlightRequest
+from executor.protocols.vehicle_commands import CommandDialogue, set_message_interval
 from executor.runtime.flight_loop import send_heartbeats
+from executor.runtime.procedures import send_order, upload_and_verify
 from executor.simulated.simulated_fleet import fleet_of
-from missions import dialect_for
+from missions import PX4, MissionItem, dialect_for
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.fleet import SimulatedVehicle, build_vehicles
 from simulator.params import defaults_for
+from simulator.streams import MESSAGE_NAMES
 from simulator.virtual_loop import run_virtual
 from tests.benchmarks.virtual.short_line import shared, short_ground
 
@@ -205,3 +210,45 @@ def test_no_stream_is_switched_off_without_a_radio_nor_where_none_comes_unasked(
     assert not [one for one in PARAMETERS.read(tmp_path) if one.name == UNASKED]
     streams = fast.vehicles["uav1"].autopilot.streams
     assert (streams.interval_s("VFR_HUD") is None) == (autopilot == "ardupilot")
+
+
+STEP_S = 0.1
+ITEMS = tuple(
+    MissionItem(seq, 3, 16 if seq else 22, x=496000000 + 1000 * seq, y=156000000, z=20.0) for seq in range(57)
+)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_two_missions_side_by_side_do_not_go_out_again_for_standing_in_the_radio(tmp_path: Path, seed: int) -> None:
+    """PX4 repeats its questions meanwhile; every item went out 1.5 to 2.1 times, and 4 % of them were lost."""
+    ground, _ = make_site(tmp_path, RadioCase(0, seed, "px4", "sik-ecc", 4))
+    fleet = fleet_of(ground, speedup=1.0, faults=(), seed=seed, wind=1.0, failsafe=True, radio="sik-ecc")
+    tables = zip(build_vehicles(fleet), fleet.vehicles, strict=True)
+    radios = {one.name: _End(one, table.sysid) for one, table in tables}
+    items = Counter[tuple[int, int]]()
+    share_port(tuple(radios.values()))
+    for end in radios.values():
+        end.items = items
+        end.stop_unread_streams()
+        for number, rate_hz in (dict.fromkeys(PX4.unasked_hz, 0.0) | list_streams_hz(PX4, 3)).items():
+            for streams in end.vehicle.autopilot.schedules if number in MESSAGE_NAMES else ():
+                streams.set_interval(MESSAGE_NAMES[number], 1e6 / rate_hz if rate_hz else -1.0, 0.0)
+
+    async def put() -> list[bool]:
+        clock = SystemClock(1.0, 0.0, 0.0, asyncio.get_running_loop().time, (0.0, 0.0))
+        links = {name: end.link for name, end in radios.items()}
+        living = run_radios(radios.values(), lambda _: None, every_s=STEP_S)
+        tasks = [asyncio.create_task(living), asyncio.create_task(send_heartbeats(links, clock))]
+        await asyncio.sleep(20.0)
+        for link in links.values():  # how long an answer takes is known in a flight
+            await send_order(link, clock, CommandDialogue(set_message_interval(33, 1e6), "stream"))
+        works = [upload_and_verify(links[name], clock, PX4, ITEMS) for name in ("uav1", "uav3")]
+        async with asyncio.timeout(20.0):
+            done = await asyncio.gather(*works)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        return [one.accepted for one in done]
+
+    assert run_virtual(put) == [True, True]
+    assert sum(items.values()) < 1.4 * 2 * len(ITEMS)

@@ -56,6 +56,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "checksum": None,
                 "round_trip": mission_transfer.FIRST_TRIP,
                 "heard_s": 0.0,
+                "asked_s": 0.0,
+                "doubts": False,
                 "refusal": None,
             },
             {

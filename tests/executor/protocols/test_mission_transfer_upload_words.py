@@ -196,20 +196,28 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an upload sends on from what got lost",
-        lambda: talk(AHEAD, (101.0, ask(0)), (102.0, ask(2)), (103.5, ask(2)), (104.5, ask(3))),
+        lambda: talk(AHEAD, (101.0, ask(0)), (102.0, ask(2)), (103.5, ask(2)), *late(103.7), (104.5, ask(3))),
         [
             ("count 6", 101.5),
             (*items(0, 4), 103.0),
             (*items(4, 6), 104.0),
-            (*items(2, 6), 105.5),
+            (103.7,),
+            (*items(2, 6), 105.7),
             (106.5,),
             None,
         ],
     ),
     (
         "an upload repeats what was out of turn, and does not repeat what may be on its way",
-        lambda: talk(AHEAD, (101.0, ask(0)), (101.5, MissionAck(13)), (102.6, MissionAck(13)), (102.7, MissionAck(13))),
-        [("count 6", 101.5), (*items(0, 4), 103.0), (103.5,), (*items(0, 4), 104.6), (104.6,), None],
+        lambda: talk(
+            AHEAD,
+            (101.0, ask(0)),
+            (101.5, MissionAck(13)),
+            (102.6, MissionAck(13)),
+            *late(102.8),
+            (102.9, MissionAck(13)),
+        ),
+        [("count 6", 101.5), (*items(0, 4), 103.0), (103.5,), (102.8,), (*items(0, 4), 104.8), (104.8,), None],
     ),
     (
         "an upload whose end nobody hears is over when the vehicle asks for nothing more",

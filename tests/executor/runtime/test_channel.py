@@ -213,6 +213,28 @@ async def test_over_a_radio_that_loses_frames_heartbeats_go_out_twice_and_filler
     beat.cancel()
 
 
+async def test_no_filler_goes_between_the_items_of_a_transfer_unless_it_stalls() -> None:
+    boards = behind_one_radio(2)
+    links = {f"uav{number}": board.link for number, board in enumerate(boards)}
+
+    def sent() -> int:
+        return sum(len(board.link.of_kind(SendFiller)) for board in boards)
+
+    beat = asyncio.ensure_future(send_heartbeats(links, boards[0].clock))
+    await asyncio.sleep(0.01)
+    channel = channel_of(boards[0].link)
+    async with channel.take_turn(Rank.IN_FLIGHT):
+        for message in (Traffic(80, 20), Radio(200, 200, 50, 50, 95)):
+            boards[0].link.say(message)
+        for _ in range(10):
+            channel.note_sent()
+            await asyncio.sleep(0.5)
+        assert sent() == 0
+        await asyncio.sleep(3.0)
+        assert sent() > 10
+    beat.cancel()
+
+
 async def test_a_round_trip_is_handed_on_once() -> None:
     one, *_ = behind_one_radio(1)
     assert channel_of(one.link).take_round_trip_s() is None

@@ -175,6 +175,18 @@ async def test_a_return_is_seen_in_the_heartbeat(dialect: Dialect) -> None:
 
 
 @DIALECTS
+async def test_a_vehicle_whose_heartbeats_got_lost_is_asked_for_one_before_it_is_judged(dialect: Dialect) -> None:
+    """A stock radio destroyed five in a row, and a PX4 in the air was called not to have started."""
+    pad = Pad(dialect)
+    pad.vehicle.unheard = True
+    assert await pad.start() == ProcedureResult(accepted=True)
+    assert vehicle_commands.REQUEST_MESSAGE in pad.vehicle.commands
+    deaf = Pad(dialect)
+    deaf.vehicle.unheard, deaf.vehicle.deaf = True, {vehicle_commands.DO_SET_MODE}
+    assert await deaf.send_home() == ProcedureResult(accepted=False, reason="does not report the new mode")
+
+
+@DIALECTS
 async def test_an_rtl_without_an_answer(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.link.cut = True

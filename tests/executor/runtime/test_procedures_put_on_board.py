@@ -73,7 +73,7 @@ async def test_a_clean_link(dialect: Dialect) -> None:
 
 
 @DIALECTS
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", [*range(25), 93])
 async def test_a_fifth_lost_and_a_fifth_doubled_each_way(dialect: Dialect, seed: int) -> None:
     board = Board(dialect, LOSSY, seed=seed)
     assert await board.put() == ProcedureResult(accepted=True)
