@@ -1,4 +1,4 @@
-"""A pytest plugin, `-p tests.repeated`: every test as often as FAULTLINE_RUNS says, all of them once before any again."""
+"""A pytest plugin, `-p tests.repeated`: every test FAULTLINE_RUNS times, all of them once before any again."""
 
 from __future__ import annotations
 
