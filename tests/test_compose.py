@@ -18,6 +18,7 @@ import jsonschema
 import pytest
 
 from executor.site.site_file import read_site
+from simulator import common_time
 from tests.composed import ROOT, UnsetVariable, _resolved, composed, services, words
 from tests.patience import PATIENCE_S
 from tests.sitl.real import COPTER_PARAMETERS
@@ -77,7 +78,7 @@ def test_a_profile_is_whole(profile: str) -> None:
         for waited_for, how in service.get("depends_on", {}).items():
             if how["condition"] == "service_healthy":
                 assert "healthcheck" in found[waited_for], f"{name} waits for the health of {waited_for}"
-        assert service["networks"] == ["fleet"]
+        assert service.get("networks") == ["fleet"] or service["network_mode"] == "service:fleet"
         for mount in service.get("volumes", []):
             source = mount.split(":")[0]
             assert source in volumes or (ROOT / source).exists(), f"{name}: {mount}"
@@ -91,9 +92,18 @@ def test_every_service_that_stays_has_a_health_check() -> None:
 
 def test_no_port_is_open_beyond_this_computer() -> None:
     ports = {name: service["ports"] for name, service in composed()["services"].items() if "ports" in service}
-    page = {f"executor-{profile}": ["127.0.0.1:8080:8080"] for profile in PROFILES}
+    page = {name: ["127.0.0.1:8080:8080"] for name in ("fleet", "executor-px4", "executor-ardupilot")}
     assert ports == {"broker": ["127.0.0.1:1883:1883"], **page}
-    assert all("network_mode" not in service for service in composed()["services"].values())
+
+
+def test_only_the_simulated_fleets_network_is_shared_for_its_time_is_kept_there() -> None:
+    shared = {
+        name: service["network_mode"] for name, service in composed()["services"].items() if "network_mode" in service
+    }
+    assert shared == {"executor-demo": "service:fleet"}
+    [vehicle] = read_site(DOCKER / "demo.toml").vehicle
+    assert urlsplit(str(vehicle.link)).hostname == common_time.HERE
+    assert waited_for(services("demo"), "executor-demo") >= {"fleet", "broker"}
 
 
 def test_one_service_builds_the_image_and_the_others_wait_for_it() -> None:
@@ -132,7 +142,8 @@ def test_the_page_is_at_the_address_that_is_printed(profile: str, tmp_path: Path
     assert done.stdout.splitlines()[-1].endswith(": http://127.0.0.1:8123/?token=a-token-of-the-crew")
     web = read_site(tmp_path / "site.toml").web
     assert (web.host, web.address) == ("0.0.0.0", "http://127.0.0.1:8123/")  # noqa: S104 - in its container
-    assert executor["ports"] == [f"127.0.0.1:8123:{web.port}"]
+    published = found[executor.get("network_mode", "service:").removeprefix("service:") or f"executor-{profile}"]
+    assert published["ports"] == [f"127.0.0.1:8123:{web.port}"]
     assert executor["environment"][web.token_env] == "a-token-of-the-crew"
 
 
@@ -177,7 +188,7 @@ def test_what_is_fetched_is_known_by_its_digest_or_tag() -> None:
 def test_the_site_names_its_services(profile: str) -> None:
     [vehicle] = read_site(DOCKER / f"{profile}.toml").vehicle
     url = urlsplit(str(vehicle.link))
-    if url.scheme == "udpout":
+    if url.scheme == "udpout" and profile != "demo":  # whose fleet is on its executor's own network
         assert url.hostname in services(profile)
     told = " ".join(word for service in services(profile).values() for word in words(service))
     if profile != "px4":  # whose ports are its own

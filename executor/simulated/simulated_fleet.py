@@ -281,7 +281,7 @@ def find_free_ports(count: int) -> list[int]:
 
 @contextmanager
 def run_simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
-    """Run `faultline simulate` during the flight; Ctrl-C in the terminal does not reach it."""
+    """Start `faultline simulate`, and run it during the flight; Ctrl-C in the terminal does not reach it."""
     command = [sys.executable, "-m", "executor", "simulate", str(RunDirectory(run).site), "--seed", str(seed)]
     command += ["--truth", str(RunDirectory(run).truths), "--failsafe"]
     for fault in faults:
@@ -289,6 +289,9 @@ def run_simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator
     with (run / "simulator.log").open("wb") as output:
         process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
         try:
+            # On a slow computer this takes longer than vehicles are waited for.
+            while process.poll() is None and not RunDirectory(run).truths.exists():
+                time.sleep(0.05)
             yield
         finally:
             end_program(process)

@@ -30,7 +30,7 @@ class Services:
         self.work.mkdir()
         self.port = _row_of_ports(3)
         pattern = (ROOT / "docker" / "demo.toml").read_text(encoding="utf-8")
-        here = pattern.replace("fleet:14600", f"127.0.0.1:{self.port}").replace("radius_m = 700", "radius_m = 250")
+        here = pattern.replace("127.0.0.1:14600", f"127.0.0.1:{self.port}").replace("radius_m = 700", "radius_m = 250")
         assert here.count(str(self.port)) == 1
         assert "port = 8080" in here
         here = here.replace("port = 8080", "port = 0").replace('host = "0.0.0.0"', 'host = "127.0.0.1"')

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,14 +29,17 @@ sysid = 1
 autopilot = "px4"
 """
 PLAN = """
-import sys, planner
-from tests.patience import PATIENCE_S
+import planner
 travel = planner.travel_for(planner.PRESETS["mavic3"], 8.0, 3.0)
 fleet = [planner.Vehicle(name, (0.0, 0.0), 75.0) for name in ("uav1", "uav2")]
 spans = [[[100.0 * span, 50.0], [100.0 * span + 100.0, 50.0]] for span in range(6)]
 instance = planner.build_instance(spans, (0.0, 0.0), fleet, travel)
 assert planner.solve(instance, cost=planner.Cost.MINMAX, stop=planner.Iterations(50)).feasible
 assert "site-packages" in planner.__file__, planner.__file__
+"""
+VERSIONS = """
+from importlib.metadata import version
+print(", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "pydantic", "pyproj", "typer")))
 """
 PYTHONS = os.environ.get("FAULTLINE_PYTHONS", sys.executable).split()
 RESOLUTIONS = ("lowest-direct", "highest")
@@ -161,7 +164,8 @@ def test_the_planner_alone_needs_three_packages(wheel: Path, tmp_path: Path) -> 
     assert here.run("python", "-c", PLAN) == (0, "", "")
 
 
-def test_it_answers_and_completes(here: Place) -> None:
+def test_it_answers_and_completes(here: Place, record_property: Callable[[str, object], None]) -> None:
+    record_property("versions", here.run("python", "-c", VERSIONS)[1].strip())
     assert here.run("faultline", "--version") == (0, f"faultline {__version__}\n", "")
     code, out, err = here.run("faultline", "-h")
     assert (code, out.startswith("Usage: faultline"), err) == (0, True, "")
@@ -169,14 +173,19 @@ def test_it_answers_and_completes(here: Place) -> None:
     assert here.run("faultline", **asked) == (0, "resume\n", "")
 
 
-def test_the_examples_of_the_library_run_and_are_typed_for_a_user(here: Place) -> None:
+def write_examples(folder: Path) -> list[str]:
+    """Write the examples of the library into a folder; returns their names."""
     page = (ROOT / "docs" / "how-to" / "library.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     examples = [block for block in blocks if "import pandas" not in block and "import duckdb" not in block]
     assert len(examples) == 5
     for number, example in enumerate(examples, start=1):
-        (here.folder / f"example{number}.py").write_text(example, encoding="utf-8")
-    names = [f"example{number}.py" for number in range(1, 6)]
+        (folder / f"example{number}.py").write_text(example, encoding="utf-8")
+    return [f"example{number}.py" for number in range(1, 6)]
+
+
+def test_the_examples_of_the_library_run_and_are_typed_for_a_user(here: Place) -> None:
+    names = write_examples(here.folder)
     code, out, err = here.run("mypy", "--strict", *names)
     assert (code, out) == (0, "Success: no issues found in 5 source files\n"), out + err
     for name in names[:4]:  # the fifth needs a flight
@@ -192,15 +201,17 @@ def test_without_extras_it_plans_checks_and_flies(here: Place) -> None:
     assert here.run("faultline", "check", "plan.json") == (0, "every figure is right\n", "")
     line = "faultline: --picture needs the extra pictures: pip install matplotlib\n"
     assert here.run("faultline", "plan", "site.toml", "--picture", "plan.png") == (2, "", line)
-    flown = ("demo", "--vehicles", "3", "--radius", "500", "--fault", "uav2:silent@40%", "--run", "run1")
+    flown = ("demo", "--vehicles", "3", "--radius", "500", "--fault", "uav2:silent@40%", "--run", "runs/last")
     code, out, err = here.run("faultline", *flown)
     assert code == 0, out + err
-    assert "segments inspected; record in run1" in out
+    assert "segments inspected; record in runs/last" in out
     assert "http://127.0.0.1:" in out + err
     assert "faultline: a picture of the flight needs the extra pictures: pip install matplotlib" in err
-    assert (here.folder / "run1" / "report.html").exists()
-    code, out, err = here.run("faultline", "replay", "run1")
+    assert (here.folder / "runs" / "last" / "report.html").exists()
+    code, out, err = here.run("faultline", "replay", "runs/last")
     assert code == 0, out + err
+    code, out, err = here.run("python", write_examples(here.folder)[4])
+    assert (code, "uav2" in out and "lost" in out, err) == (0, True, ""), out + err
 
 
 def test_the_plugin_serves_tests_of_another_program(here: Place) -> None:

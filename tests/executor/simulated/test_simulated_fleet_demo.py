@@ -6,8 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
+import tomlkit
 
-from executor.simulated.simulated_fleet import build_demo_site, find_free_ports, fleet_of
+from executor.adapters.run_directory import RunDirectory
+from executor.simulated.simulated_fleet import build_demo_site, find_free_ports, fleet_of, run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import default_network_path, read_network
@@ -75,3 +77,16 @@ def test_only_the_usual_demo_has_budgets_of_its_own() -> None:
         return {vehicle.budget_pct for vehicle in check_site(content, "demo").vehicle}
 
     assert budgets(700.0) == {28.0} != budgets(900.0)
+
+
+def test_a_flight_begins_when_its_simulated_fleet_is_there_however_slow_the_computer(tmp_path: Path) -> None:
+    content = build_demo_site(network=None, radius_m=700, vehicles=2, speedup=10, autopilot="px4", flat=False)
+    RunDirectory(tmp_path).site.write_text(tomlkit.dumps(content), encoding="utf-8")
+    with run_simulated_fleet(tmp_path, [], seed=1):
+        assert RunDirectory(tmp_path).truths.exists()
+
+
+def test_a_simulated_fleet_that_cannot_start_is_not_waited_for(tmp_path: Path) -> None:
+    RunDirectory(tmp_path).site.write_text("no site", encoding="utf-8")
+    with run_simulated_fleet(tmp_path, [], seed=1):
+        assert (tmp_path / "simulator.log").read_text(encoding="utf-8").startswith("faultline: ")
