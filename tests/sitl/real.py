@@ -17,7 +17,7 @@ from types import MappingProxyType
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from missions import LocalFrame, Pad
+from missions import LocalFrame, Pad, dialect_for
 from tests.sitl.relay import Relay
 from tests.sitl.station import OtherLink
 
@@ -195,9 +195,12 @@ def _begin(
 
 def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:
     parameters, own = folder.with_suffix(".parm"), wanted.own.get(folder.name, {})
-    parameters.write_text(
-        "".join(f"{name} {value}\n" for name, value in {**COPTER_PARAMETERS, **wanted.settings, **own}.items())
-    )
+    settings = {**COPTER_PARAMETERS, **wanted.settings, **own}
+    # Copter ignores names that it does not have: the other one is a newer firmware's.
+    for name, other in dialect_for(ARDUPILOT.name).other_names.items():
+        if name in settings:
+            settings[other.name] = settings[name] * other.unit
+    parameters.write_text("".join(f"{name} {value}\n" for name, value in settings.items()))
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     model = "quad"
     if folder.name in wanted.packs_ah:
