@@ -93,10 +93,10 @@ def test_after_a_flight_and_after_a_death(autopilot: Autopilot, tmp_path: Path) 
         # Once they are ready they set nothing by themselves until they fly.
         asyncio.run(looked_at(site))
         before = on_board(vehicles)
-        dialect = dialect_for(autopilot.name)
-        for parameters in before.values():
-            known = add_first_names(dialect, parameters)
-            assert {name: known[name] for name in CREWS_OWN[autopilot]} == pytest.approx(dict(CREWS_OWN[autopilot]))
+        if autopilot is ARDUPILOT:  # which passes over a name that it does not know, in the file that it starts with
+            for parameters in before.values():
+                known = add_first_names(dialect_for(autopilot.name), parameters)
+                assert {name: known[name] for name in CREWS_OWN[autopilot]} == pytest.approx(dict(CREWS_OWN[autopilot]))
         report = asyncio.run(flown(site, run))
         assert report["parameters"]
         assert all(row["restored"] for row in report["parameters"])
