@@ -216,13 +216,22 @@ def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) ->
     return _start(command, folder, {}), OtherLink(socket.SOCK_STREAM, 5762 + 10 * number, bytewise=False)
 
 
+def px4_command(binary: str, number: int, folder: Path) -> list[str]:
+    """Return how an instance of PX4 is started: one that was built keeps its files in a folder, and has no shell.
+
+    Its shell would ask again and again where there is no terminal, and its files would be those of every flight.
+    """
+    etc = Path(binary).resolve().parent.parent / "etc"
+    return [binary, "-i", str(number), *(("-d", "-w", str(folder), str(etc)) if etc.is_dir() else ())]
+
+
 def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     place = {"PX4_HOME_LAT": f"{lat_deg:.7f}", "PX4_HOME_LON": f"{lon_deg:.7f}", "PX4_HOME_ALT": str(pad.alt_m)}
     speed = {"PX4_SIM_SPEED_FACTOR": f"{wanted.speedup:g}"}
     # Whether it keeps a log of its own, and triggers cameras, is decided while it starts.
     early = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in wanted.settings.items() if name.startswith(EARLY)}
-    process = _start([binary, "-i", str(number)], folder, {**PX4_ENVIRONMENT, **place, **speed, **early})
+    process = _start(px4_command(binary, number, folder), folder, {**PX4_ENVIRONMENT, **place, **speed, **early})
     return process, OtherLink(socket.SOCK_DGRAM, 18570 + number, bytewise=True)
 
 
