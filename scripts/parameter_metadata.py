@@ -2,14 +2,17 @@
 
 `python -m scripts.parameter_metadata px4 parameters.json` takes what PX4's build leaves beside its binary,
 `... ardupilot apm.pdef.json` what ArduPilot publishes with each release, or its `param_parse.py` writes. It names what
-is not there any more and what the tables in `missions/autopilots` do not know, and exits with 1 if there is any of
-either. With `--before OLD.json` it also says what the same parameters meant in an older release.
+is not there any more, what the tables in `missions/autopilots` do not know and values that are set outside the
+release's range, and exits with 1 if there is any of these. The parameters that the containers set are held too. With
+`--before OLD.json` it also says what the same parameters meant in an older release.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
+import re
 import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +20,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from executor.core.telemetry.mode_evidence import MODE_CHANNEL_SETTINGS, THROTTLE_LOST_SETTING
 from missions.autopilots.dialect import AUTOPILOTS, Dialect, dialect_for
+
+ROOT = Path(__file__).parents[1]
+CONTAINER_SETTINGS = {
+    "ardupilot": ("docker/copter.parm", r"^([A-Z][A-Z0-9_]+) "),
+    "px4": ("docker-compose.yml", r"\bPX4_PARAM_([A-Z0-9_]+):"),
+}
+"""The file in which the containers set an autopilot's parameters, and the pattern of a name in it."""
 
 
 class MetadataError(ValueError):
@@ -34,6 +45,8 @@ class Use:
     """Bits in use."""
     default: float | None = None
     most: float | None = None
+    sets: set[float] = field(default_factory=set)
+    """Values that faultline sets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +56,7 @@ class Meaning:
     values: Mapping[int, str]
     bits: Mapping[int, str]
     default: float | None
+    least: float | None
     most: float | None
     units: str
 
@@ -77,7 +91,18 @@ def list_uses(dialect: Dialect) -> dict[str, Use]:
         uses[rule.parameter].values |= {0, *rule.on}
     for tuning in dialect.tunings:
         uses[tuning.parameter].default = tuning.default
+    uses[back.cone].sets.add(back.cone_off)
+    uses[fence.action].sets |= {float(value) for value in dict(fence.named).values()}
+    if fence.enable is not None:
+        uses[fence.enable].sets.add(1.0)
     return dict(uses)
+
+
+def list_other_settings(dialect: Dialect) -> set[str]:
+    """Return the parameters that the containers set, and those that are understood when another station reads them."""
+    path, pattern = CONTAINER_SETTINGS[dialect.name]
+    found = set(re.findall(pattern, (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE))
+    return found | ({THROTTLE_LOST_SETTING} if dialect.name == "ardupilot" else set())
 
 
 def read_metadata(path: Path) -> dict[str, Meaning]:
@@ -103,16 +128,16 @@ def read_metadata(path: Path) -> dict[str, Meaning]:
 def _read_px4(row: Mapping[str, Any]) -> Meaning:
     values = {int(one["value"]): str(one["description"]) for one in row.get("values", ())}
     bits = {int(one["index"]): str(one["description"]) for one in row.get("bitmask", ())}
-    default, most = (None if row.get(key) is None else float(row[key]) for key in ("default", "max"))
-    return Meaning(values, bits, default, most, str(row.get("units", "")))
+    default, least, most = (None if row.get(key) is None else float(row[key]) for key in ("default", "min", "max"))
+    return Meaning(values, bits, default, least, most, str(row.get("units", "")))
 
 
 def _read_ardupilot(row: Mapping[str, Any]) -> Meaning:
     values, bits = (
         {int(key): str(word) for key, word in _numbered(row.get(name, {}))} for name in ("Values", "Bitmask")
     )
-    high = row.get("Range", {}).get("high")
-    return Meaning(values, bits, None, None if high is None else float(high), str(row.get("Units", "")))
+    least, most = (None if key not in row.get("Range", {}) else float(row["Range"][key]) for key in ("low", "high"))
+    return Meaning(values, bits, None, least, most, str(row.get("Units", "")))
 
 
 def _numbered(words: Mapping[str, str]) -> Iterator[tuple[float, str]]:
@@ -125,7 +150,12 @@ def _numbered(words: Mapping[str, str]) -> Iterator[tuple[float, str]]:
 
 def find_differences(dialect: Dialect, release: Mapping[str, Meaning]) -> list[str]:
     """Return mismatches between an autopilot's tables and a release, one line each."""
-    return [line for name, use in list_uses(dialect).items() for line in _hold(dialect, name, use, release)]
+    uses = list_uses(dialect)
+    found = [line for name, use in uses.items() for line in _hold(dialect, name, use, release)]
+    found += [f"{name}: is not there" for name in sorted(list_other_settings(dialect) - uses.keys() - release.keys())]
+    if not MODE_CHANNEL_SETTINGS & release.keys():
+        found.append(f"{' or '.join(sorted(MODE_CHANNEL_SETTINGS))}: is not there")
+    return found
 
 
 def _hold(dialect: Dialect, name: str, use: Use, release: Mapping[str, Meaning]) -> Iterator[str]:
@@ -147,6 +177,11 @@ def _hold(dialect: Dialect, name: str, use: Use, release: Mapping[str, Meaning])
     for what, ours, theirs in (("default", use.default, meaning.default), ("maximum", use.most, meaning.most)):
         if ours is not None and theirs is not None and abs(ours * unit - theirs) > 1e-6:
             yield f"{on_board}: its {what} is {theirs:g}, here {ours * unit:g}"
+    least = -math.inf if meaning.least is None else meaning.least
+    most = math.inf if meaning.most is None else meaning.most
+    for set_to in sorted(one * unit for one in use.sets):
+        if set_to not in meaning.values and not least <= set_to <= most:
+            yield f"{on_board}: faultline sets it to {set_to:g}, outside {least:g} to {most:g}"
 
 
 def find_changes(dialect: Dialect, before: Mapping[str, Meaning], after: Mapping[str, Meaning]) -> list[str]:
@@ -165,8 +200,8 @@ def _describe(meaning: Meaning | None) -> str:
     if meaning is None:
         return "nothing"
     words = ", ".join(f"{key} {word}" for key, word in (meaning.values or meaning.bits).items())
-    figures = ", ".join(f"{what} {one:g}" for what, one in (("default", meaning.default), ("at most", meaning.most))
-                        if one is not None)  # fmt: skip
+    bounds = (("default", meaning.default), ("at least", meaning.least), ("at most", meaning.most))
+    figures = ", ".join(f"{what} {one:g}" for what, one in bounds if one is not None)
     return "; ".join(part for part in (words, figures, meaning.units) if part) or "a number"
 
 

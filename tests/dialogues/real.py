@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tests.dialogues.wires import UdpWire
 from tests.simulator.harness import ALT_M, LAT_DEG, LON_DEG
-from tests.sitl.real import COPTER_PARAMETERS, PX4_ENVIRONMENT
+from tests.sitl.real import COPTER_PARAMETERS, PX4_ENVIRONMENT, px4_command
 
 INSTANCE = 6
 SPEEDUP = {"ardupilot": 4.0, "px4": 3.0}
@@ -34,7 +34,7 @@ def real(autopilot: str, work: Path, instance: int = INSTANCE) -> Iterator[UdpWi
         if autopilot == "px4":
             place = {"PX4_HOME_LAT": f"{LAT_DEG}", "PX4_HOME_LON": f"{LON_DEG}", "PX4_HOME_ALT": f"{ALT_M}"}
             environment = PX4_ENVIRONMENT | place | {"PX4_SIM_SPEED_FACTOR": f"{speedup:g}"}
-            process = _start([program, "-i", str(instance)], work, environment)
+            process = _start(px4_command(program, instance, work), work, environment)
         else:
             parameters = work / "copter.parm"
             parameters.write_text("".join(f"{name} {value}\n" for name, value in COPTER_PARAMETERS.items()))

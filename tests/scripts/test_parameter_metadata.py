@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
+from executor.core.telemetry.mode_evidence import MODE_CHANNEL_SETTINGS
 from missions.autopilots.dialect import AUTOPILOTS, Dialect
-from scripts.parameter_metadata import list_uses, main, read_metadata
+from scripts.parameter_metadata import list_other_settings, list_uses, main, read_metadata
 
 PX4_BUILD = os.environ.get("FAULTLINE_PX4_BUILD")
 ARDUPILOT_SOURCE = os.environ.get("FAULTLINE_ARDUPILOT_SOURCE")
@@ -23,7 +24,8 @@ BOTH = pytest.mark.parametrize("dialect", AUTOPILOTS, ids=[dialect.name for dial
 
 def metadata_of(dialect: Dialect, path: Path, **changes: Any) -> Path:
     """Write what a release says that bears out every table, but for some parameters: None is not there."""
-    rows: dict[str, Any] = {}
+    named = sorted(list_other_settings(dialect) | MODE_CHANNEL_SETTINGS)
+    rows: dict[str, Any] = {name: {"name": name} if dialect.name == "px4" else {} for name in named}
     for name, use in list_uses(dialect).items():
         values, bits = dict.fromkeys(use.values, "x"), dict.fromkeys((mask.bit_length() - 1 for mask in use.masks), "x")
         rows[name] = {"Values": values, "Bitmask": bits} | ({} if use.most is None else {"Range": {"high": use.most}})
@@ -81,6 +83,20 @@ def test_a_release_that_bears_the_tables_out_has_no_differences(
             "ardupilot",
             {"FS_GCS_TIMEOUT": {"Range": {"high": "600"}}},
             "FS_GCS_TIMEOUT: its maximum is 600, here 120",
+        ),
+        (
+            "px4",
+            {"RTL_CONE_ANG": {"name": "RTL_CONE_ANG", "min": 25, "max": 90}},
+            "RTL_CONE_ANG: faultline sets it to 0, outside 25 to 90",
+        ),
+        ("ardupilot", {"RTL_CONE_SLOPE": {"Range": {"low": "0.5", "high": "10"}, "Values": {"0": "Disabled"}}}, None),
+        ("ardupilot", {"COMPASS_OFS_X": None}, "COMPASS_OFS_X: is not there"),
+        ("px4", {"SIM_BAT_DRAIN": None}, "SIM_BAT_DRAIN: is not there"),
+        ("px4", {"MODE_CH": None, "FLTMODE_CH": None}, None),
+        (
+            "px4",
+            dict.fromkeys(("FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE")),
+            "FLTMODE_CH or MODE_CH or RC_MAP_FLTMODE: is not there",
         ),
     ],
 )

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from missions import LocalFrame, Pad
+from missions import LocalFrame, Pad, dialect_for
 from tests.sitl.relay import Relay
 from tests.sitl.station import OtherLink
 
@@ -195,9 +195,12 @@ def _begin(
 
 def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:
     parameters, own = folder.with_suffix(".parm"), wanted.own.get(folder.name, {})
-    parameters.write_text(
-        "".join(f"{name} {value}\n" for name, value in {**COPTER_PARAMETERS, **wanted.settings, **own}.items())
-    )
+    settings = {**COPTER_PARAMETERS, **wanted.settings, **own}
+    # Copter ignores names that it does not have: the other one is a newer firmware's.
+    for name, other in dialect_for(ARDUPILOT.name).other_names.items():
+        if name in settings:
+            settings[other.name] = settings[name] * other.unit
+    parameters.write_text("".join(f"{name} {value}\n" for name, value in settings.items()))
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     model = "quad"
     if folder.name in wanted.packs_ah:
@@ -213,13 +216,22 @@ def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) ->
     return _start(command, folder, {}), OtherLink(socket.SOCK_STREAM, 5762 + 10 * number, bytewise=False)
 
 
+def px4_command(binary: str, number: int, folder: Path) -> list[str]:
+    """Return how an instance of PX4 is started: one that was built keeps its files in a folder, and has no shell.
+
+    Its shell would ask again and again where there is no terminal, and its files would be those of every flight.
+    """
+    etc = Path(binary).resolve().parent.parent / "etc"
+    return [binary, "-i", str(number), *(("-d", "-w", str(folder), str(etc)) if etc.is_dir() else ())]
+
+
 def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     place = {"PX4_HOME_LAT": f"{lat_deg:.7f}", "PX4_HOME_LON": f"{lon_deg:.7f}", "PX4_HOME_ALT": str(pad.alt_m)}
     speed = {"PX4_SIM_SPEED_FACTOR": f"{wanted.speedup:g}"}
     # Whether it keeps a log of its own, and triggers cameras, is decided while it starts.
     early = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in wanted.settings.items() if name.startswith(EARLY)}
-    process = _start([binary, "-i", str(number)], folder, {**PX4_ENVIRONMENT, **place, **speed, **early})
+    process = _start(px4_command(binary, number, folder), folder, {**PX4_ENVIRONMENT, **place, **speed, **early})
     return process, OtherLink(socket.SOCK_DGRAM, 18570 + number, bytewise=True)
 
 

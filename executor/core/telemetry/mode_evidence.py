@@ -202,6 +202,7 @@ EVENTS: Mapping[str, ActingFailsafe | OwnFailsafe | ModeChange | Mapping[int, Ow
     "commander_failsafe_enter_generic": ActingFailsafe(),
     "commander_failsafe_enter_generic_hold": ActingFailsafe(delay_at=5),
     "commander_failsafe_enter_autopilot_disengaged": ActingFailsafe(),
+    "commander_rc_loss_hold_no_failsafe": OwnFailsafe("rc", True, "manual control lost, switching to Hold"),
     "check_battery_critical": OwnFailsafe("battery", True, "critical battery"),
     "check_battery_emergency": OwnFailsafe("battery", True, "emergency battery level"),
     "commander_low_bat_shutdown": OwnFailsafe("battery", True, "dangerously low battery, shutting down"),

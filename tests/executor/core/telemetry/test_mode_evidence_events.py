@@ -14,8 +14,11 @@ from executor.core.telemetry.mode_evidence import EVENTS, compute_event_id, has_
 
 MISSION = 4 << 24 | 4 << 16
 PX4_BUILD = os.environ.get("FAULTLINE_PX4_BUILD")
-EITHER = {"check_failure_detector_motor"}, {"check_motor_overcurrent", "check_motor_undercurrent"}
-"""Of what PX4 up to 1.17 has, and what 1.18 has in its place."""
+EITHER = (
+    {"check_failure_detector_motor"},
+    {"check_motor_overcurrent", "check_motor_undercurrent", "commander_rc_loss_hold_no_failsafe"},
+)
+"""Of what PX4 up to 1.17 has, and what 1.18 has."""
 
 NUMBERS = {
     "commander_failsafe_enter": 9751178,
@@ -87,6 +90,7 @@ def said(name: str, layout: str = "", *arguments: int) -> OwnFailsafe | ModeChan
         (said("check_battery_critical", "IB", 255, 3), "battery", "critical battery"),
         (said("check_gf_violation_custom_gf", "IB", 255, 3), "fence", "geofence violation"),
         (said("check_failure_detector_roll", "IB", 255, 3), "attitude", "failure detector: roll"),
+        (said("commander_rc_loss_hold_no_failsafe"), "rc", "manual control lost, switching to Hold"),
         (said("commander_disarmed_by", "B", 10), "attitude", "disarmed by its failure detector"),
     ],
 )  # fmt: skip

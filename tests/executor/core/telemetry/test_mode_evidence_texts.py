@@ -27,6 +27,9 @@ SAID = {
     "Radio Failsafe": "rc",
     "GCS Failsafe": "ground station",
     "Failsafe: Terrain data missing": "terrain",
+    # from 4.8 on
+    "Failsafe: Terrain Rangefinder Unhealthy": "terrain",
+    "Failsafe: Terrain Unavailable": "terrain",
     "Radio Failsafe - Continuing Auto Mode": "rc",
     # PX4 1.11 to 1.17
     "CRITICAL BATTERY, RETURNING TO LAND": "battery",
@@ -37,6 +40,8 @@ SAID = {
     "Failsafe activated due to critical battery, triggering Return": "battery",
     "Failsafe enabled: no RC": "rc",
     "Manual control lost": "rc",
+    # from 1.18 on
+    "Manual control lost: switching to Hold": "rc",
     "Failsafe enabled: no datalink": "ground station",
     "Data link lost": "ground station",
     "Failsafe enabled: no local position": "ekf",
@@ -50,7 +55,8 @@ SILENT = (
     "PreArm: Battery 1 is low", "Arm: Compass calibration running", "PreArm: Throttle below Failsafe",
     "PreArm: Radio failsafe on", "Preflight Fail: Battery unhealthy", "GPS Glitch cleared", "EKF Failsafe Cleared",
     "GCS Failsafe Cleared", "Manual control regained", "EKF2 IMU0 in-flight yaw alignment complete", "GROUND START",
-    "Reached command #3", "SIM Hit ground at 0.5 m/s", "EKF variance", "GPS Glitch", "Low battery, return advised",
+    "Reached command #3", "SIM Hit ground at 0.5 m/s", "EKF variance", "EKF variance: position lost", "GPS Glitch",
+    "Low battery, return advised",
 )  # fmt: skip
 
 
@@ -80,6 +86,9 @@ def test_low_battery_is_a_failsafe_of_one_autopilot_and_advice_of_the_other() ->
         ("Vibration compensation ON", False),
         ("Potential Thrust Loss (3)", False),
         ("Failsafe: Terrain data missing", True),
+        ("Failsafe: Terrain Rangefinder Unhealthy", True),
+        ("EKF Failsafe: changed to RTL Mode", True),
+        ("Manual control lost: switching to Hold", True),
     ],
 )
 def test_whether_it_does_something_about_it(text: str, does: bool) -> None:
