@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from benchmarks import dataset_commands as bench_dataset
 from benchmarks import day_command as bench_day
 from benchmarks import failures_command as bench_failures
 from benchmarks import flight_commands as bench_flights
@@ -97,8 +98,8 @@ def solvers(
     """Solve one instance (--instance or --radius); without one, measure the solvers, part by part.
 
     The parts: csum (c-MinSum beside PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
-    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times). An interrupted part goes
-    on where it was.
+    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times), onboard (small re-plans
+    beside a learned replanner). An interrupted part goes on where it was.
     """
     if instance is None and radius is None:
         _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
@@ -366,6 +367,9 @@ cli.command()(bench_flights.sorties)
 cli.command()(bench_flights.radio)
 cli.command()(bench_failures.failures)
 cli.command()(bench_day.day)
+cli.command()(bench_dataset.instance)
+cli.command()(bench_dataset.compare)
+cli.command()(bench_dataset.verify)
 
 
 @cli.command()

@@ -12,3 +12,4 @@ class PartName(StrEnum):
     REPLAN = "replan"
     SCALE = "scale"
     START = "start"
+    ONBOARD = "onboard"
