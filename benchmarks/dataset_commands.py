@@ -45,6 +45,8 @@ def instance(
     from benchmarks.dataset.generator import SHAPES, format_instance, generate_instance
     from benchmarks.store import write_text
 
+    if source == "ring" and segments < 3:
+        raise BenchError(f"--segments: expected 3 or more for a ring, got {segments}")
     if source in SHAPES:
         made = generate_instance(
             source, segments, vehicles, seed=seed, budget_pct=1.0 if budget is None else budget, longest_s=longest

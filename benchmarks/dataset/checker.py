@@ -187,10 +187,32 @@ def check(instance: Instance, solution: Solution) -> tuple[Figures | None, list[
     return figures, wrong
 
 
+def bound_minsum(instance: Instance) -> float:
+    """Return a lower bound of minsum in percent: all inspections, and the least transit that joins them to tours.
+
+    Tours leave every place as often as they come to it. So where an odd number of segments ends, counting the depot as a
+    place without one, a transit ends too, and the transits contain paths that join these places in pairs. Each such path
+    is at least as long as the way to the nearest other one. Some vehicle also flies from the depot to the line and back.
+    """
+    degree: dict[Place, int] = {}
+    for ends in instance.segments_m:
+        for place in ends:
+            degree[place] = degree.get(place, 0) + 1
+    odd = [place for place, number in degree.items() if number % 2]
+    pairing_m = sum(min(math.dist(place, other) for other in odd if other != place) for place in odd) / 2
+    there_and_back_m = 2 * min(math.dist(instance.depot_m, place) for place in degree)
+    inspection_s = sum(math.dist(*ends) for ends in instance.segments_m) / instance.inspection_m_s
+    transit_s = max(pairing_m, there_and_back_m) / instance.transit_m_s
+    return inspection_s * instance.inspection_pct_per_s + transit_s * instance.transit_pct_per_s
+
+
 def bound_minmax(instance: Instance) -> float:
-    """Return a lower bound of minmax in percent: the segment that is farthest to fly to, inspect, and return from."""
-    segments = range(1, len(instance.segments_m) + 1)
-    return max(min(_compute_pct(instance, (visit,)) for visit in (segment, -segment)) for segment in segments)
+    """Return a lower bound of minmax in percent: an equal share of minsum's, or the segment that costs most alone."""
+    farthest = max(
+        min(_compute_pct(instance, (visit,)) for visit in (segment, -segment))
+        for segment in range(1, len(instance.segments_m) + 1)
+    )
+    return max(farthest, bound_minsum(instance) / instance.vehicles)
 
 
 def _find_wrong_visits(instance: Instance, solution: Solution) -> Iterator[str]:
@@ -417,6 +439,7 @@ def main(arguments: Sequence[str]) -> int:
         return 1
     print(f"valid: {instance.name}, {solution.objective} {figures.value(solution.objective):.6f}")
     print(f"minmax {figures.minmax:.6f} %, minsum {figures.minsum:.6f} %, mincomb {figures.mincomb:.6f} %")
+    print(f"lower bounds: minmax {bound_minmax(instance):.6f} %, minsum {bound_minsum(instance):.6f} %")
     print(f"longest route {figures.longest_s:.3f} s", end="")
     print("" if figures.window is None else f", every loss from {figures.window:.3f} s is repaired")
     return 0

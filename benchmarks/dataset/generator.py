@@ -37,11 +37,11 @@ def generate_line(segments: int, chance: random.Random) -> list[Ends]:
 
 
 def generate_ring(segments: int, chance: random.Random) -> list[Ends]:
-    """Return a closed line; the depot is inside, near one place of it."""
+    """Return a closed line of 3 segments or more; the depot is inside, near one place of it."""
     lengths = [_between(chance, *SPAN_M) for _ in range(segments)]
     around, radius_m, turned, places = sum(lengths), sum(lengths) / (2 * math.pi), 0.0, []
     for length_m in lengths:
-        wobble = radius_m * _between(chance, 0.97, 1.03)
+        wobble = radius_m + _between(chance, -40.0, 40.0)
         places.append((wobble * math.sin(turned), wobble * math.cos(turned)))
         turned += 2 * math.pi * length_m / around
     return _connect(_shift([*places, places[0]], -places[0][0], AWAY_M - places[0][1]))
@@ -106,12 +106,12 @@ def generate_instance(
         segments_m=tuple((_rounded(first), _rounded(second)) for first, second in ends),
         depot_m=(0.0, 0.0),
         vehicles=vehicles,
-        budget_pct=budget_pct,
+        budget_pct=float(budget_pct),
         transit_m_s=TRANSIT_M_S,
         inspection_m_s=INSPECTION_M_S,
         transit_pct_per_s=TRANSIT_PCT_PER_S,
         inspection_pct_per_s=INSPECTION_PCT_PER_S,
-        longest_s=longest_s,
+        longest_s=None if longest_s is None else float(longest_s),
     )
 
 

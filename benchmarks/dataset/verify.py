@@ -18,20 +18,19 @@ from benchmarks.dataset.catalogue import (
     load_instance,
     read_references,
 )
-from benchmarks.dataset.checker import Figures, Instance, bound_minmax, check
+from benchmarks.dataset.checker import Figures, Instance, check
+from benchmarks.dataset.compare import BOUNDS, PROOF_S, ProcessorSeconds
 from benchmarks.dataset.convert import build_plan, build_planner_instance
 from benchmarks.dataset.generator import format_instance
 from benchmarks.errors import BenchError
 from benchmarks.markdown import figure
 from benchmarks.report import Report, Table
 from benchmarks.store import Json
-from planner import Cost, Seconds, evaluate, replan_window, solve_exact
+from planner import Cost, evaluate, replan_window, solve_exact
 from planner.exact import EXACT_SEGMENTS
 
 SAME = 1e-6
 """Values within this share of each other are equal."""
-PROOF_S = 60.0
-"""Time for one proof; those of the package take a second or two."""
 PROVEN_SAME = 1e-5
 """The proof's own tolerance, and that of rounded files."""
 COSTS = {"minmax": Cost.MINMAX, "minsum": Cost.MINSUM, "mincomb": Cost.MINCOMB}
@@ -161,10 +160,10 @@ def _prove_again(instance: Instance, entry: Entry, proof: Json) -> tuple[str, li
     """Return whether a proof was made again, and why it does not hold."""
     value, objective = entry.solution.value or 0.0, entry.solution.objective
     claimed = value if proof["kind"] == "optimal" else proof["value"]
-    if proof["by"] == "farthest segment" and objective == "minmax":
-        bound: float | None = bound_minmax(instance)
+    if proof["by"] == "checker" and objective in BOUNDS:
+        bound: float | None = BOUNDS[objective](instance)
     elif proof["by"] == "exact" and objective in COSTS and len(instance.segments_m) <= EXACT_SEGMENTS:
-        bound = solve_exact(build_planner_instance(instance), cost=COSTS[objective], stop=Seconds(PROOF_S)).bound
+        bound = solve_exact(build_planner_instance(instance), cost=COSTS[objective], stop=ProcessorSeconds(PROOF_S)).bound
     else:
         return "not here", []
     if bound is None:

