@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmarks.errors import BenchError
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import markdown_page
-from benchmarks.parts import bounds, csum, exact, mtsp, replan, scale, start
+from benchmarks.parts import bounds, csum, exact, mtsp, onboard, replan, scale, start
 from benchmarks.parts.names import PartName
 from benchmarks.parts.setting import Setting
 from benchmarks.progress import ShownProgress
@@ -34,6 +34,7 @@ WORK = {
     PartName.REPLAN: _Work(replan.TITLE, replan.make, replan.report),
     PartName.SCALE: _Work(scale.TITLE, scale.make, scale.report, scale.draw_scale),
     PartName.START: _Work(start.TITLE, start.make, start.report),
+    PartName.ONBOARD: _Work(onboard.TITLE, onboard.make, onboard.report),
 }
 NEED_DATA = frozenset({PartName.CSUM, PartName.MTSP, PartName.BOUNDS})
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from benchmarks import dataset_commands as bench_dataset
 from benchmarks import day_command as bench_day
 from benchmarks import failures_command as bench_failures
 from benchmarks import flight_commands as bench_flights
@@ -99,7 +100,8 @@ def solvers(
 
     The parts: csum (c-MinSum against PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
     optima), bounds (what is proven of up to 81 segments), replan (times of re-plans), scale (up to 10,000 segments),
-    start (start times). An interrupted part resumes where it stopped.
+    start (start times), onboard (small re-plans against a learned replanner). An interrupted part resumes where it
+    stopped.
     """
     if instance is None and radius is None:
         _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
@@ -417,6 +419,9 @@ cli.command()(bench_flights.sorties)
 cli.command()(bench_flights.radio)
 cli.command()(bench_failures.failures)
 cli.command()(bench_day.day)
+cli.command()(bench_dataset.instance)
+cli.command()(bench_dataset.compare)
+cli.command()(bench_dataset.verify)
 
 
 @cli.command()

@@ -10,6 +10,12 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "tests/benchmarks/dataset/test_checker.py": ("benchmarks/dataset/convert.py",),
+    "tests/benchmarks/dataset/test_verify.py": (
+        "benchmarks/dataset/catalogue.py",
+        "benchmarks/dataset/compare.py",
+        "benchmarks/dataset_commands.py",
+    ),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/benchmarks/table/test_cells.py": (
         "benchmarks/machine.py",
@@ -57,6 +63,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/parts/csum.py",
         "benchmarks/parts/exact.py",
         "benchmarks/parts/mtsp.py",
+        "benchmarks/parts/onboard.py",
         "benchmarks/parts/replan.py",
         "benchmarks/parts/scale.py",
         "benchmarks/parts/setting.py",

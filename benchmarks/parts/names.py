@@ -13,3 +13,4 @@ class PartName(StrEnum):
     REPLAN = "replan"
     SCALE = "scale"
     START = "start"
+    ONBOARD = "onboard"

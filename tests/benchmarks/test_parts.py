@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from benchmarks.all_parts import WORK, make_parts
-from benchmarks.parts import exact, mtsp, replan, scale, start
+from benchmarks.parts import exact, mtsp, onboard, replan, scale, start
 from benchmarks.parts.names import PartName
 from benchmarks.parts.setting import Setting
 from benchmarks.peer import pyvrp_installed, solve_pyvrp
 from benchmarks.problems import PAPER_S, line_instance
 from benchmarks.store import Store
-from planner import Cost, Iterations, build_remaining_problem, solve
+from planner import Cost, Iterations, Plan, Route, build_remaining_problem, evaluate, solve
 
 
 def test_every_part_has_its_work() -> None:
@@ -58,6 +58,24 @@ def test_the_page_of_re_plans_says_what_was_missed() -> None:
     text = replan.report({"rows": [row], "peer": peer})
     assert "| 81 | 4 | 0.8 | 100 | 100 | 90 | 1.0 | 2.0 | 3.0 | 4.0 | 10 | 10 | - | - |" in text
     assert "it found a re-plan for 1. 4 of those asked" in text
+
+
+def test_agents_start_in_the_field_and_tasks_take_their_time() -> None:
+    scenario = onboard.Scenario((0, 0), ((3, 4), (0, 10)), ((3, 0), (0, 4)), (2.0, 5.0))
+    instance = onboard.build_scenario(scenario)
+    plan = Plan((Route(0, (0, 2)), Route(1, ())))
+    figures = evaluate(instance, plan, Cost.MINMAX)
+    assert figures.durations_s == pytest.approx((4 + 2 + 5 + 5 + 4, 10))
+    assert figures.violations == ()
+    assert onboard.draw_scenario(4, 1) == onboard.draw_scenario(4, 1)
+    assert len(onboard.draw_scenario(4, 1).places) == 4 * onboard.PARTS
+
+
+def test_the_page_of_small_re_plans_says_how_many_were_optimal() -> None:
+    one = {"equal": 290, "within": 300, "mean": 0.001, "worst": 0.04, "seconds": 0.002}
+    text = onboard.report({"rows": [{"tasks": 4, "parts": 8, "programs": {"search": one}}], "cases": 300})
+    assert "| 4 (8) | search | 290 of 300 | 100.0 | 0.10 | 4.00 | 2.00 |" in text
+    assert "LKH-3 was not run: FAULTLINE_LKH names its program." in text
 
 
 def test_values_over_time_are_of_complete_plans() -> None:
