@@ -26,11 +26,11 @@ from planner import (
     warm_up,
 )
 from planner.bounds import ASCENT, explain_infeasibility
+from planner.fleet_state import event_times_s
 from planner.kernels.repair import SAME_TIME_S
 from planner.loss_scan import PROOF_STEPS, count_steps
 from planner.proofs import bound_earliest_window_s, decide_cover
 from planner.stop_rules import UNLIMITED, StopVerdict
-from planner.window import event_times_s
 
 TITLE = "What is proven: bounds by column generation"
 MINMAX_PCT = {500.0: 55.5, 700.0: 107.9, 1000.0: 160.6, 1200.0: 200.3, 2000.0: 312.6}

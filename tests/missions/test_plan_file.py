@@ -308,7 +308,7 @@ def _delete(*keys: Any) -> Callable[[Any], None]:
         (_set("routes", 0, "duration_s", value=None), r"routes\[0\]\.duration_s: expected a number, got None"),
         (_set("uncovered", value=["2"]), r"uncovered\[0\]: expected a whole number, got '2'"),
         (_set("uncovered", value=[5]), "uncovered: expected the id of a segment, got 5"),
-        (_set("cost", "name", value="best"), r"cost\.name: expected 'minmax', .*'window', got 'best'"),
+        (_set("cost", "name", value="best"), r"cost\.name: expected 'minmax', .*'window' or 'coverage', got 'best'"),
         (_set("travel", "transit_speed_m_s", value=0), r"travel\.transit_speed_m_s is 0.0, expected a positive number"),
         (_set("travel", "dynamics", value=1), r"travel\.dynamics: expected keys with values, got 1"),
         (_set("window", value={"window_pct": 1}), r"window\.earliest_s: expected this key, but it is missing"),

@@ -31,7 +31,7 @@ from planner import (
     solve_exact,
     travel_for,
 )
-from planner.exact import EXACT_SEGMENTS
+from planner.columns import SEGMENTS_UP_TO
 from planner.moves import Dynamics
 from planner.params import ExactParams
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
@@ -163,8 +163,8 @@ def test_a_stopped_proof_keeps_its_plan() -> None:
 def test_without_segments_and_with_too_many() -> None:
     nothing = solve_exact(line(0, 10.0), cost=Cost.MINMAX, stop=TO_THE_END)
     assert (nothing.bound, nothing.feasible) == (0.0, True)
-    with pytest.raises(InstanceError, match=f"expected at most {EXACT_SEGMENTS} for an exact answer"):
-        solve_exact(line(EXACT_SEGMENTS + 1, 1.0), cost=Cost.MINMAX, stop=TO_THE_END)
+    with pytest.raises(InstanceError, match=f"expected at most {SEGMENTS_UP_TO} for a proof"):
+        solve_exact(line(SEGMENTS_UP_TO + 1, 1.0), cost=Cost.MINMAX, stop=TO_THE_END)
 
 
 @pytest.mark.parametrize(("cost", "optimum_s"), [(Cost.MINMAX, 1098.019), (Cost.MINSUM, 4201.960)])
