@@ -82,7 +82,7 @@ def bound_completions(priced: Priced, weight: float, prize: Floats, bound: Compl
     Args:
         priced: the routes.
         weight: cost of one unit of energy.
-        prize: (n,): of each segment, zero or more.
+        prize: (n,): of each segment.
         bound: set.
     """
     buckets, visits = bound.first.shape
@@ -158,6 +158,72 @@ def is_dominated(labels: Labels, label: int, bucket: int, rule: int) -> bool:
     return False
 
 
+@inner()
+def add_label(
+    labels: Labels, label: int, parent: int, visit: int, energy: float, cost: float, low: int, high: int, bucket: int
+) -> None:
+    """Store a label in the list of those that are to be extended; its segment is forbidden from now on."""
+    segment = visit >> 1
+    if segment < WORD:
+        low |= 1 << segment
+    else:
+        high |= 1 << (segment - WORD)
+    labels.energy[label], labels.cost[label] = energy, cost
+    labels.visit[label], labels.parent[label] = visit, parent
+    labels.low[label], labels.high[label] = low, high
+    labels.link[label] = labels.waiting[bucket, visit]
+    labels.waiting[bucket, visit] = label
+
+
+@inner()
+def start_labels(
+    priced: Priced, weight: float, prize: Floats, bound: Completions, most: float, labels: Labels
+) -> int:  # fmt: skip
+    """Store a label for each first visit, and return their number."""
+    buckets, visits = bound.first.shape
+    count = 0
+    for visit in range(visits):
+        energy = priced.start[visit]
+        left = priced.budget - energy
+        if left < 0.0:
+            continue
+        cost = weight * energy - prize[visit >> 1]
+        if cost + bound.first[min(buckets - 1, int(left / priced.width)), visit] >= most:
+            continue
+        add_label(labels, count, -1, visit, energy, cost, 0, 0, min(buckets - 1, int(energy / priced.width)))
+        count += 1
+    return count
+
+
+@inner()
+def extend_label(
+    priced: Priced, weight: float, prize: Floats, bound: Completions, most: float,
+    labels: Labels, label: int, count: int,
+) -> int:  # fmt: skip
+    """Store the labels that continue one by another visit, and return the new number of labels, -1 without room."""
+    buckets, visits = bound.first.shape
+    visit, energy, cost = labels.visit[label], labels.energy[label], labels.cost[label]
+    low, high = labels.low[label], labels.high[label]
+    for onward in range(visits):
+        segment = onward >> 1
+        forbidden = (low >> segment) & 1 if segment < WORD else (high >> (segment - WORD)) & 1
+        spent = energy + priced.move[visit, onward]
+        left = priced.budget - spent
+        if forbidden == 1 or left < 0.0:
+            continue
+        next_low, next_high = low & priced.near[segment, 0], high & priced.near[segment, 1]
+        grown = cost + weight * priced.move[visit, onward] - prize[segment]
+        there = min(buckets - 1, int(left / priced.width))
+        if grown + find_completion(bound, there, onward, next_low, next_high) >= most:
+            continue
+        if count == len(labels.energy):
+            return -1
+        into = min(buckets - 1, int(spent / priced.width))
+        add_label(labels, count, label, onward, spent, grown, next_low, next_high, into)
+        count += 1
+    return count
+
+
 @kernel()
 def price_routes(
     priced: Priced, weight: float, prize: Floats, bound: Completions, most: float, rule: int,
@@ -170,38 +236,23 @@ def price_routes(
     Args:
         priced: the routes.
         weight: cost of one unit of energy.
-        prize: (n,): of each segment, zero or more.
+        prize: (n,): of each segment.
         bound: as ``bound_completions`` sets it for the same prizes.
         most: routes of this reduced cost or more are not searched.
         rule: when a label is dominated: SAME_NODE, SAME_MEMORY or SAME_SET.
         labels: work space.
-        found: set to the last labels of routes; for all rules but SAME_SET the best one for each last visit.
+        found: set to the last labels of routes; for all rules but SAME_SET the best one for each last visit, and
+            unchanged for visits without one.
     """
     buckets, visits = bound.first.shape
-    room, count, routes = len(labels.energy), 0, 0
+    routes = 0
     labels.waiting[:] = -1
     labels.kept[:] = -1
     labels.least[:] = 1e300
-    for visit in range(visits):
-        energy = priced.start[visit]
-        left = priced.budget - energy
-        if left < 0.0:
-            continue
-        cost = weight * energy - prize[visit >> 1]
-        if cost + bound.first[min(buckets - 1, int(left / priced.width)), visit] >= most:
-            continue
-        segment = visit >> 1
-        labels.energy[count], labels.cost[count], labels.visit[count], labels.parent[count] = energy, cost, visit, -1
-        labels.low[count] = 1 << segment if segment < WORD else 0
-        labels.high[count] = 1 << (segment - WORD) if segment >= WORD else 0
-        bucket = min(buckets - 1, int(energy / priced.width))
-        labels.link[count] = labels.waiting[bucket, visit]
-        labels.waiting[bucket, visit] = count
-        count += 1
+    count = start_labels(priced, weight, prize, bound, most, labels)
     for bucket in range(buckets):
         again = True
         while again:
-            again = False
             for visit in range(visits):
                 label = labels.waiting[bucket, visit]
                 labels.waiting[bucket, visit] = -1
@@ -212,50 +263,22 @@ def price_routes(
                         continue
                     labels.link[label] = labels.kept[visit, bucket]
                     labels.kept[visit, bucket] = label
-                    cost, energy = labels.cost[label], labels.energy[label]
-                    labels.least[visit, bucket] = min(labels.least[visit, bucket], cost)
-                    if energy + priced.home[visit] <= priced.budget:
-                        total = cost + weight * priced.home[visit]
-                        if total < most:
-                            if rule == SAME_SET:
-                                if routes == len(found):
-                                    return -1, routes
-                                found[routes] = label
-                                routes += 1
-                            elif found[visit] < 0 or total < labels.cost[found[visit]] + weight * priced.home[visit]:
-                                found[visit] = label
-                    low, high = labels.low[label], labels.high[label]
-                    for onward in range(visits):
-                        segment = onward >> 1
-                        if segment < WORD:
-                            if (low >> segment) & 1 == 1:
-                                continue
-                        elif (high >> (segment - WORD)) & 1 == 1:
-                            continue
-                        spent = energy + priced.move[visit, onward]
-                        left = priced.budget - spent
-                        if left < 0.0:
-                            continue
-                        next_low, next_high = low & priced.near[segment, 0], high & priced.near[segment, 1]
-                        if segment < WORD:
-                            next_low |= 1 << segment
-                        else:
-                            next_high |= 1 << (segment - WORD)
-                        grown = cost + weight * priced.move[visit, onward] - prize[segment]
-                        there = min(buckets - 1, int(left / priced.width))
-                        if grown + find_completion(bound, there, onward, next_low, next_high) >= most:
-                            continue
-                        if count == room:
-                            return -1, routes
-                        labels.energy[count], labels.cost[count] = spent, grown
-                        labels.visit[count], labels.parent[count] = onward, label
-                        labels.low[count], labels.high[count] = next_low, next_high
-                        into = min(buckets - 1, int(spent / priced.width))
-                        labels.link[count] = labels.waiting[into, onward]
-                        labels.waiting[into, onward] = count
-                        again = again or into == bucket
-                        count += 1
+                    labels.least[visit, bucket] = min(labels.least[visit, bucket], labels.cost[label])
+                    total = labels.cost[label] + weight * priced.home[visit]
+                    if labels.energy[label] + priced.home[visit] <= priced.budget and total < most:
+                        if rule == SAME_SET:
+                            if routes == len(found):
+                                return -1, routes
+                            found[routes] = label
+                            routes += 1
+                        elif found[visit] < 0 or labels.cost[label] < labels.cost[found[visit]]:
+                            found[visit] = label
+                    count = extend_label(priced, weight, prize, bound, most, labels, label, count)
+                    if count < 0:
+                        return -1, routes
                     label = following
-    if rule != SAME_SET:
-        routes = visits
+            # A move shorter than a bucket leads to the same one.
+            again = False
+            for visit in range(visits):
+                again = again or labels.waiting[bucket, visit] >= 0
     return count, routes
