@@ -63,7 +63,7 @@ def solve_window(  # noqa: PLR0913 - problem, search length and start
     Args:
         instance: the problem; its budgets always apply.
         stretch: how much longer than the best MinMax plan's the longest route may be, as a share of it.
-        stop: checked every second or more often.
+        stop: checked every second or more often, with two losses every few seconds.
         seed: seed of all randomness.
         all_vehicles: leave no vehicle without a visit.
         longest_s: the longest route of the best MinMax plan, if known; else a search finds one.
