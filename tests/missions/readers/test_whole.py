@@ -257,7 +257,7 @@ BROKEN: dict[str, tuple[Callable[[], Files], str]] = {
     "a cut .shp": (lambda: {**shapes("V1"), "shp": shapes("V1")["shp"][:-8]}, "the .shp ends after"),
     "a cut .dbf": (lambda: {**shapes("V1", "V2"), "dbf": shapes("V1", "V2")["dbf"][:-60]}, "the .dbf ends after"),
     "a shape twice": (
-        lambda: without_index(moved_to_the_end(shapes("V1", "V2"), 0)), "the .shp has shape 1 twice: the .shx states which one counts",
+        lambda: without_index(moved_to_the_end(shapes("V1", "V2"), 0)), "the .shp has shape 1 twice: the .shx",
     ),
 }  # fmt: skip
 
