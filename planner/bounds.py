@@ -85,7 +85,7 @@ def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
 
 def compute_tree_bound_pct(
     instance: Instance, useful: BoolArray, *, starts: FloatArray, homes: FloatArray, idle: FloatArray, enough: float,
-    once: int | None = None, ascent: int = ASCENT,
+    ascent: int = ASCENT,
 ) -> float:  # fmt: skip
     """Return the spanning-tree bound for the ``useful`` vehicles; their rows cover all visits.
 
@@ -96,7 +96,6 @@ def compute_tree_bound_pct(
         homes: (r, 2n), energy from the end of a visit to the landing place.
         idle: (r,), energy of an unused vehicle.
         enough: stop when the bound exceeds this.
-        once: the only vehicle that starts at most once; None if all do.
         ascent: maximum number of iterations.
     """
     # Imported here because it loads numba, which the quick conditions do not need.
@@ -110,13 +109,11 @@ def compute_tree_bound_pct(
     back = np.arange(visits) ^ 1
     # A visit begins at the end point with its own number and ends at the other end point of its segment.
     onward = moves[back] - entry[segment]
-    every = range(len(starts))
     bound = compute_tree_bound(
         np.array(np.minimum(onward, onward.T), order="C"),
         np.array(starts - entry[segment], order="C"),
         np.array(homes[:, back], order="C"),
         np.array(idle, dtype=np.float64),
-        np.array([once is None or vehicle == once for vehicle in every], dtype=np.int64),
         enough - float(entry.sum()),
         ascent,
     )
