@@ -46,7 +46,7 @@ class PairCell:
     """The longest route of the best MinMax plan."""
     plans: tuple[ChosenPlan, ...]
 
-    def at(self, stretch: float, losses: int) -> ChosenPlan:
+    def choose_plan(self, stretch: float, losses: int) -> ChosenPlan:
         """Return the best plan for a number of losses whose longest route is short enough."""
         limit_s = (1.0 + stretch) * self.minmax_s * (1.0 + 1e-9)
         fitting = [plan for plan in self.plans if plan.one.longest_s <= limit_s or plan.stretch <= stretch]
@@ -58,7 +58,7 @@ class PairCell:
 
         None if no plan reaches it.
         """
-        aim_s = self.at(PRICED_STRETCH, 1).one.earliest_s
+        aim_s = self.choose_plan(PRICED_STRETCH, 1).one.earliest_s
         return min((plan.two.longest_s for plan in self.plans if plan.two.earliest_s <= aim_s + 1e-6), default=None)
 
 
@@ -164,7 +164,7 @@ COLUMNS = (
 
 
 def _price_row(cell: PairCell) -> tuple[str, ...]:
-    one = cell.at(PRICED_STRETCH, 1).one
+    one = cell.choose_plan(PRICED_STRETCH, 1).one
     price_s = cell.price_s
     more = "not found" if price_s is None else figure(100.0 * (price_s / one.longest_s - 1.0), 1)
     return (
@@ -174,7 +174,7 @@ def _price_row(cell: PairCell) -> tuple[str, ...]:
 
 
 def _row(cell: PairCell, stretch: float) -> tuple[str, ...]:
-    one, two = cell.at(stretch, 1), cell.at(stretch, 2)
+    one, two = cell.choose_plan(stretch, 1), cell.choose_plan(stretch, 2)
     return (
         figure(100 * stretch, 0), figure(one.one.longest_s, 0), figure(one.one.earliest_s, 0),
         figure(one.two.earliest_s, 0), figure(two.two.longest_s, 0), figure(two.one.earliest_s, 0),

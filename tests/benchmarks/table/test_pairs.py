@@ -29,10 +29,10 @@ CELL = PairCell(
 
 
 def test_a_plan_counts_wherever_its_longest_route_is_short_enough() -> None:
-    assert CELL.at(0.0, 1).one.earliest_s == 300
-    assert CELL.at(0.05, 1).one.earliest_s == 200
-    assert CELL.at(0.05, 2).two.earliest_s == 600
-    assert CELL.at(0.2, 2).two.earliest_s == 200
+    assert CELL.choose_plan(0.0, 1).one.earliest_s == 300
+    assert CELL.choose_plan(0.05, 1).one.earliest_s == 200
+    assert CELL.choose_plan(0.05, 2).two.earliest_s == 600
+    assert CELL.choose_plan(0.2, 2).two.earliest_s == 200
 
 
 def test_the_price_is_the_shortest_route_with_which_two_are_absorbed_as_early_as_one() -> None:
@@ -54,5 +54,5 @@ def test_a_small_table_is_measured(tmp_path: Path) -> None:
         assert plan.one.longest_s == plan.two.longest_s <= (1 + plan.stretch) * cell.minmax_s + 1e-6
         assert plan.two.certified_earliest_s <= plan.two.earliest_s + 1e-6
     for stretch in (0.0, 0.2):
-        assert cell.at(stretch, 2).two.earliest_s <= cell.at(stretch, 1).two.earliest_s + 1e-6
+        assert cell.choose_plan(stretch, 2).two.earliest_s <= cell.choose_plan(stretch, 1).two.earliest_s + 1e-6
     assert "## The price of a second loss" in (tmp_path / "pairs.md").read_text(encoding="utf-8")
