@@ -190,9 +190,10 @@ def check(instance: Instance, solution: Solution) -> tuple[Figures | None, list[
 def bound_minsum(instance: Instance) -> float:
     """Return a lower bound of minsum in percent: all inspections, and the least transit that joins them to tours.
 
-    Tours leave every place as often as they come to it. So where an odd number of segments ends, counting the depot as a
-    place without one, a transit ends too, and the transits contain paths that join these places in pairs. Each such path
-    is at least as long as the way to the nearest other one. Some vehicle also flies from the depot to the line and back.
+    Tours leave every place as often as they come to it. So where an odd number of segments ends, a transit ends too
+    (the depot counts as a place without segments unless some end there), and the transits contain paths that join
+    these places in pairs. Each path is at least as long as the way to the nearest other one. Some vehicle also flies
+    from the depot to the line and back.
     """
     degree: dict[Place, int] = {}
     for ends in instance.segments_m:

@@ -149,7 +149,7 @@ def _choose_unit(instance: Instance) -> float:
         across / instance.transit_m_s * instance.transit_pct_per_s,
         longest / instance.inspection_m_s * instance.inspection_pct_per_s,
     )
-    return min(100.0, LARGEST / max(most, 1e-9))
+    return float(min(100.0, LARGEST / max(most, 1e-9)))
 
 
 def _transit_pct(instance: Instance, here: Place, there: Place) -> float:

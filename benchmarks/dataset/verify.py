@@ -163,7 +163,9 @@ def _prove_again(instance: Instance, entry: Entry, proof: Json) -> tuple[str, li
     if proof["by"] == "checker" and objective in BOUNDS:
         bound: float | None = BOUNDS[objective](instance)
     elif proof["by"] == "exact" and objective in COSTS and len(instance.segments_m) <= EXACT_SEGMENTS:
-        bound = solve_exact(build_planner_instance(instance), cost=COSTS[objective], stop=ProcessorSeconds(PROOF_S)).bound
+        bound = solve_exact(
+            build_planner_instance(instance), cost=COSTS[objective], stop=ProcessorSeconds(PROOF_S)
+        ).bound
     else:
         return "not here", []
     if bound is None:
@@ -196,7 +198,7 @@ def has_failed(content: Json) -> bool:
 
 def report_verification(content: Json) -> Report:
     """Return the table and the lines of a re-check."""
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             row["instance"], row["objective"], figure(row["value"], 3), "wrong" if row["wrong"] else "valid",
             row["proof"], row["proof_again"], row["by"],
