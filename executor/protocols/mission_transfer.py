@@ -50,6 +50,8 @@ LEAST_PERIOD_S = 0.25
 LAST_ITEM_PERIOD_S = 1.0
 GRACE_S = 0.2
 """Longest wait for what may have come in one packet with a repeated request."""
+ASKS_EVERY_S = 0.25
+"""No autopilot repeats a request sooner; PX4 does after MAVLINK_MISSION_RETRY_TIMEOUT_DEFAULT."""
 COPIES_LEFT = 2
 """Copies of an item for which the time is left until the vehicle gives up, whatever the link."""
 MOST_AHEAD = 16
@@ -121,6 +123,8 @@ class UploadDialogue(DialogueMachine):
     """Time of the vehicle's last request."""
     asked_s: float = 0.0
     """Time of its first request for the item that it waits for."""
+    asks: int = 0
+    """Times that it repeated that request."""
     doubts: bool = False
     """Whether that item seems to be lost, and goes out again at the deadline."""
     refusal: int | None = None
@@ -213,7 +217,7 @@ class UploadDialogue(DialogueMachine):
         if seq < self.furthest:  # a late double, or a vehicle that has begun anew
             if self.under_way and now_s - self.under_way[0].at_s < self.find_repeat_s(now_s):
                 return _wait_for_answer(state, now_s), ()
-            return _send_items(replace(state, furthest=seq, asked_s=now_s), (), seq, now_s, self.room)
+            return _send_items(replace(state, furthest=seq, asked_s=now_s, asks=0), (), seq, now_s, self.room)
         come = [one for one in self.under_way if one.seq < seq]  # it has all that stands before what it asks for
         left = tuple(one for one in self.under_way if one.seq >= seq)
         trip = self.round_trip
@@ -222,14 +226,21 @@ class UploadDialogue(DialogueMachine):
         elif not self._is_asked and self.counts_sent == 1:
             trip = trip.record_round_trip(now_s - self.counted_s)
         room = min(self.ahead, self.room + len(come))
-        state = replace(state, furthest=seq, asked_s=now_s, round_trip=trip, room=room)
+        state = replace(state, furthest=seq, asked_s=now_s, asks=0, round_trip=trip, room=room)
         return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, room - len(left))
 
-    @property
-    def grace_s(self) -> float:
-        """Time to wait for the requests behind one that was repeated: a radio sends several in one packet."""
+    def find_wait_s(self, now_s: float) -> float:
+        """Return how long the vehicle has waited for an item; its repeated requests tell when this computer stalled."""
+        return max(now_s - self.asked_s, self.asks * ASKS_EVERY_S)
+
+    def find_grace_s(self, now_s: float) -> float:
+        """Return the time to wait for the requests behind one that was repeated: a radio sends several in one packet.
+
+        None once the vehicle has waited for a good part of its patience, as when this computer stalls.
+        """
         mean_s = self.round_trip.mean_s or 0.0
-        return 0.0 if mean_s < AHEAD_TRIP_S else min(GRACE_S, mean_s / 4)
+        is_urgent = self.find_wait_s(now_s) > self.silence_s / 4
+        return 0.0 if mean_s < AHEAD_TRIP_S or is_urgent else min(GRACE_S, mean_s / 4)
 
     def find_repeat_s(self, now_s: float) -> float:
         """Return after how long an item that the vehicle still asks for is sent again.
@@ -237,7 +248,7 @@ class UploadDialogue(DialogueMachine):
         That is by when most of what was sent is answered, and sooner as the vehicle's patience ends: another copy costs
         less than the whole list.
         """
-        left_s = self.asked_s + self.silence_s - now_s
+        left_s = self.silence_s - self.find_wait_s(now_s)
         return min(self.round_trip.usual_s, self.round_trip.most_s, max(REPEAT_S, left_s / COPIES_LEFT))
 
     def _handle_acknowledgement(self, result: int, checksum: int | None) -> Self:
@@ -264,13 +275,14 @@ def _announce_items(state: U, now_s: float) -> tuple[U, Sent]:
 
 def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     """Send what the vehicle waits for again, unless that may still be on its way; what is behind it is lost too."""
+    state = replace(state, asks=state.asks + 1)
     if state.doubts:
         return state, ()
-    first, grace_s = state.under_way[0] if state.under_way else None, state.grace_s
+    first, grace_s = state.under_way[0] if state.under_way else None, state.find_grace_s(now_s)
     if first is not None and first.seq == state.furthest:
         # What was sent with an item that has just arrived is on its way, however long the radio took for it.
         waits_s = state.find_repeat_s(now_s)
-        if now_s - first.at_s < waits_s or now_s - state.asked_s < waits_s / 2:
+        if now_s - first.at_s < waits_s or state.find_wait_s(now_s) < waits_s / 2:
             return _wait_for_answer(state, now_s), ()
     return (replace(state, doubts=True, deadline_s=now_s + grace_s), ()) if grace_s else _send_again(state, now_s)
 

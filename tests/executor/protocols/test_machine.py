@@ -57,6 +57,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "round_trip": mission_transfer.FIRST_TRIP,
                 "heard_s": 0.0,
                 "asked_s": 0.0,
+                "asks": 0,
                 "doubts": False,
                 "refusal": None,
             },

@@ -71,11 +71,22 @@ def test_an_item_that_a_vehicle_keeps_asking_for_is_repeated_sooner_as_its_patie
     state, _ = state.on_message(MissionRequest(0), 102.0)
     sent_s = []
     for quarter in range(1, 20):
-        if state.doubts:
-            sent_s.append(state.deadline_s)
-            state, _ = state.on_deadline(state.deadline_s)
-        state, _ = state.on_message(MissionRequest(0), 102.0 + quarter / 4)
-    assert sent_s == pytest.approx([104.2, 105.7, 106.7])
+        state, sent = state.on_message(MissionRequest(0), 102.0 + quarter / 4)
+        assert not state.doubts, "nothing is waited for any more"
+        sent_s += [102.0 + quarter / 4 for _ in sent]
+    assert sent_s == pytest.approx([104.0, 105.5, 106.5])
+
+
+def test_repeated_requests_tell_how_long_a_vehicle_waits_while_this_computer_stalls() -> None:
+    """Twelve requests of 3 s are read within a moment: one copy goes out at once, and no second one."""
+    state, _ = UploadDialogue(ITEMS, 6.0, frozenset(), ahead=1, room=1).begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 102.0)
+    sent_s = []
+    for number in range(12):
+        now_s = 103.6 + number / 1000
+        state, sent = state.on_message(MissionRequest(0), now_s)
+        sent_s += [now_s for _ in sent]
+    assert len(sent_s) == 1
 
 
 def test_what_was_sent_with_an_item_that_has_just_arrived_is_not_lost() -> None:
