@@ -60,6 +60,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/benchmarks/test_parts.py": (
         "benchmarks/all_parts.py",
+        "benchmarks/parts/bounds.py",
         "benchmarks/parts/csum.py",
         "benchmarks/parts/exact.py",
         "benchmarks/parts/mtsp.py",
@@ -225,6 +226,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/plan_search.py",
         "planner/solve.py",
     ),
+    "tests/planner/test_second_loss.py": ("planner/fleet_state.py",),
     "tests/planner/test_window.py": (
         "planner/kernels/repair.py",
         "planner/loss_scan.py",

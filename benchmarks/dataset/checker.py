@@ -80,7 +80,7 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
+class SolutionFigures:
     """All values of a solution."""
 
     minmax: float
@@ -150,7 +150,7 @@ def read_solution(content: object) -> Solution:
     )
 
 
-def check(instance: Instance, solution: Solution) -> tuple[Figures | None, list[str]]:
+def check(instance: Instance, solution: Solution) -> tuple[SolutionFigures | None, list[str]]:
     """Return a solution's values and its violations in words; no values if routes visit what does not exist."""
     wrong = list(_find_wrong_visits(instance, solution))
     if wrong:
@@ -174,7 +174,7 @@ def check(instance: Instance, solution: Solution) -> tuple[Figures | None, list[
         elif not wrong:
             earliest_s, broken = _find_window(instance, solution, durations)
             wrong += broken
-    figures = Figures(
+    figures = SolutionFigures(
         minmax=max(energies),
         minsum=sum(energies),
         mincomb=sum(energies) + max(energies) / instance.vehicles,
@@ -280,8 +280,10 @@ def _explain_no_repair(
     if not near:
         return f"repairs: no repair for the {place}"
     survivors = [number for number in range(instance.vehicles) if number != lost]
-    settled = {abs(visit) for number in survivors for visit in _fixed_part(instance, solution.routes[number], from_s)}
-    settled |= {abs(visit) for visit in _ended(instance, solution.routes[lost], from_s)}
+    settled = {
+        abs(visit) for number in survivors for visit in _list_fixed_visits(instance, solution.routes[number], from_s)
+    }
+    settled |= {abs(visit) for visit in _list_ended_visits(instance, solution.routes[lost], from_s)}
     still_open = set(range(1, len(instance.segments_m) + 1)) - settled
     reasons = []
     for repair in near:
@@ -303,22 +305,22 @@ def _explain_no_repair(
     return reasons[0]
 
 
-def _ended(instance: Instance, route: Sequence[int], at_s: float) -> tuple[int, ...]:
+def _list_ended_visits(instance: Instance, route: Sequence[int], at_s: float) -> tuple[int, ...]:
     """Return the visits that have ended."""
     ends_s = accumulate(seconds for seconds, _ in _compute_legs(instance, route)[:-1])
     return tuple(visit for visit, end_s in zip(route, ends_s, strict=False) if end_s <= at_s + SAME_TIME_S)
 
 
-def _fixed_part(instance: Instance, route: Sequence[int], at_s: float) -> tuple[int, ...]:
+def _list_fixed_visits(instance: Instance, route: Sequence[int], at_s: float) -> tuple[int, ...]:
     """Return the visits that a survivor has ended, and the one that it is on or flying to."""
-    return tuple(route[: len(_ended(instance, route, at_s)) + 1])
+    return tuple(route[: len(_list_ended_visits(instance, route, at_s)) + 1])
 
 
 def _compute_repaired_pct(instance: Instance, route: Sequence[int], at_s: float, after: Sequence[int]) -> float:
     """Return a survivor's energy from its first take-off to its last landing."""
-    if len(_ended(instance, route, at_s)) == len(route):
+    if len(_list_ended_visits(instance, route, at_s)) == len(route):
         return _compute_pct(instance, route) + _compute_pct(instance, after)
-    return _compute_pct(instance, [*_fixed_part(instance, route, at_s), *after])
+    return _compute_pct(instance, [*_list_fixed_visits(instance, route, at_s), *after])
 
 
 def _compute_pct(instance: Instance, route: Sequence[int]) -> float:

@@ -82,25 +82,25 @@ def solve_by_all(instance: Instance, objective: str, effort: Effort) -> list[Ans
     Raises:
         BenchError: a named binary cannot be run.
     """
-    answers = [_timed("faultline", instance, objective, lambda: _search(instance, objective, effort))]
+    answers = [_time_answer("faultline", instance, objective, lambda: _search(instance, objective, effort))]
     if not effort.peers:
         return answers
     if objective == "minsum" and pyvrp_installed():
-        answers.append(_timed("PyVRP", instance, objective, lambda: _ask_pyvrp(instance, effort)))
+        answers.append(_time_answer("PyVRP", instance, objective, lambda: _ask_pyvrp(instance, effort)))
     if effort.lkh is not None and objective != "window":
         lkh = effort.lkh
-        answers.append(_timed("LKH-3", instance, objective, lambda: _content(
+        answers.append(_time_answer("LKH-3", instance, objective, lambda: _content(
             instance, objective, solve_lkh(lkh, instance, objective, seconds=effort.seconds, seed=effort.seed)
         )))  # fmt: skip
     if effort.hgs is not None and objective == "minmax":
         hgs = effort.hgs
-        answers.append(_timed("HGS-CARP", instance, objective, lambda: _content(
+        answers.append(_time_answer("HGS-CARP", instance, objective, lambda: _content(
             instance, objective, solve_hgs(hgs, instance, seconds=effort.seconds, seed=effort.seed)
         )))  # fmt: skip
     return answers
 
 
-def _timed(program: str, instance: Instance, objective: str, make: Callable[[], Json | None]) -> Answer:
+def _time_answer(program: str, instance: Instance, objective: str, make: Callable[[], Json | None]) -> Answer:
     begun_s = _spent_s()
     content = make()
     seconds = _spent_s() - begun_s

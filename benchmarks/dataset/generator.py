@@ -30,18 +30,18 @@ def generate_line(segments: int, chance: random.Random) -> list[Ends]:
     """Return one line that hardly bends; the depot is beside its middle."""
     places, heading = [(0.0, 0.0)], 0.0
     for _ in range(segments):
-        heading = 0.9 * heading + _between(chance, -0.08, 0.08)
-        places.append(_beyond(places[-1], heading, _between(chance, *SPAN_M)))
+        heading = 0.9 * heading + _draw_between(chance, -0.08, 0.08)
+        places.append(_beyond(places[-1], heading, _draw_between(chance, *SPAN_M)))
     middle = places[len(places) // 2]
     return _connect(_shift(places, -middle[0], AWAY_M - middle[1]))
 
 
 def generate_ring(segments: int, chance: random.Random) -> list[Ends]:
     """Return a closed line of 3 segments or more; the depot is inside, near one place of it."""
-    lengths = [_between(chance, *SPAN_M) for _ in range(segments)]
+    lengths = [_draw_between(chance, *SPAN_M) for _ in range(segments)]
     around, radius_m, turned, places = sum(lengths), sum(lengths) / (2 * math.pi), 0.0, []
     for length_m in lengths:
-        wobble = radius_m + _between(chance, -40.0, 40.0)
+        wobble = radius_m + _draw_between(chance, -40.0, 40.0)
         places.append((wobble * math.sin(turned), wobble * math.cos(turned)))
         turned += 2 * math.pi * length_m / around
     return _connect(_shift([*places, places[0]], -places[0][0], AWAY_M - places[0][1]))
@@ -49,17 +49,17 @@ def generate_ring(segments: int, chance: random.Random) -> list[Ends]:
 
 def generate_tree(segments: int, chance: random.Random) -> list[Ends]:
     """Return lines that leave the depot in four directions and branch."""
-    tips = [((0.0, 0.0), math.pi / 2 * (arm + _between(chance, 0.0, 0.7))) for arm in range(4)]
+    tips = [((0.0, 0.0), math.pi / 2 * (arm + _draw_between(chance, 0.0, 0.7))) for arm in range(4)]
     ends = []
     for number in range(segments):
         turn = number % len(tips)
         here, heading = tips[turn]
-        heading += _between(chance, -0.25, 0.25)
-        there = _beyond(here, heading, _between(chance, *SPAN_M))
+        heading += _draw_between(chance, -0.25, 0.25)
+        there = _beyond(here, heading, _draw_between(chance, *SPAN_M))
         ends.append((here, there))
         tips[turn] = there, heading
         if chance.random() < BRANCHES:
-            tips.append((there, heading + (1 if chance.random() < 0.5 else -1) * _between(chance, 0.8, 1.8)))
+            tips.append((there, heading + (1 if chance.random() < 0.5 else -1) * _draw_between(chance, 0.8, 1.8)))
     return ends
 
 
@@ -68,8 +68,8 @@ def generate_grid(segments: int, chance: random.Random) -> list[Ends]:
     side = math.ceil(math.sqrt(segments / 2)) + 1
     place = {
         (row, column): (
-            AWAY_M / 2 + 275.0 * column + _between(chance, -40.0, 40.0),
-            AWAY_M / 2 + 275.0 * row + _between(chance, -40.0, 40.0),
+            AWAY_M / 2 + 275.0 * column + _draw_between(chance, -40.0, 40.0),
+            AWAY_M / 2 + 275.0 * row + _draw_between(chance, -40.0, 40.0),
         )
         for row in range(side)
         for column in range(side)
@@ -103,7 +103,7 @@ def generate_instance(
     ends = SHAPES[shape](segments, random.Random(f"{shape}-{segments}-{seed}"))
     return Instance(
         name=f"{shape}-{segments}-{vehicles}" + ("" if seed == 1 else f"-seed{seed}"),
-        segments_m=tuple((_rounded(first), _rounded(second)) for first, second in ends),
+        segments_m=tuple((_round_place(first), _round_place(second)) for first, second in ends),
         depot_m=(0.0, 0.0),
         vehicles=vehicles,
         budget_pct=float(budget_pct),
@@ -133,7 +133,7 @@ def format_instance(instance: Instance, source: str) -> str:
     return "\n".join(["{", *lines, f' "segments_m": [\n{segments}\n ]', "}", ""])
 
 
-def _between(chance: random.Random, low: float, high: float) -> float:
+def _draw_between(chance: random.Random, low: float, high: float) -> float:
     return low + (high - low) * chance.random()
 
 
@@ -149,5 +149,5 @@ def _connect(places: list[Place]) -> list[Ends]:
     return list(pairwise(places))
 
 
-def _rounded(place: Place) -> Place:
+def _round_place(place: Place) -> Place:
     return round(place[0], 1) + 0.0, round(place[1], 1) + 0.0

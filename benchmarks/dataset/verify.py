@@ -18,7 +18,7 @@ from benchmarks.dataset.catalogue import (
     load_instance,
     read_references,
 )
-from benchmarks.dataset.checker import Figures, Instance, check
+from benchmarks.dataset.checker import Instance, SolutionFigures, check
 from benchmarks.dataset.compare import BOUNDS, PROOF_S, ProcessorSeconds
 from benchmarks.dataset.convert import build_plan, build_planner_instance
 from benchmarks.dataset.generator import format_instance
@@ -140,7 +140,7 @@ def _find_instance(entry: Entry, folder: Path, references: dict[str, Reference],
     return load_instance(instance_path(name, folder))
 
 
-def _compare_with_planner(instance: Instance, entry: Entry, figures: Figures) -> list[str]:
+def _compare_with_planner(instance: Instance, entry: Entry, figures: SolutionFigures) -> list[str]:
     """Return where the planner's own definition gives another value than the checker."""
     theirs, plan = build_planner_instance(instance), build_plan(entry.solution.routes)
     wrong = []

@@ -63,7 +63,7 @@ LKH = "FAULTLINE_LKH"
 
 
 @dataclass(frozen=True, slots=True)
-class Scenario:
+class OnboardCase:
     """Agents that are somewhere, tasks to do, and the home to return to; speed 1."""
 
     home: tuple[int, int]
@@ -74,7 +74,7 @@ class Scenario:
     """Duration of each part."""
 
 
-def draw_scenario(tasks: int, seed: int) -> Scenario:
+def draw_scenario(tasks: int, seed: int) -> OnboardCase:
     """Return a random scenario."""
     chance = random.Random(f"onboard-{tasks}-{seed}")
 
@@ -83,7 +83,7 @@ def draw_scenario(tasks: int, seed: int) -> Scenario:
 
     home, starts = draw_place(), tuple(draw_place() for _ in range(AGENTS))
     drawn = [(draw_place(), round(TASK_S[0] + (TASK_S[1] - TASK_S[0]) * chance.random())) for _ in range(tasks)]
-    return Scenario(
+    return OnboardCase(
         home,
         starts,
         tuple(where for where, _ in drawn for _ in range(PARTS)),
@@ -91,7 +91,7 @@ def draw_scenario(tasks: int, seed: int) -> Scenario:
     )
 
 
-def build_scenario(scenario: Scenario) -> Instance:
+def build_scenario(scenario: OnboardCase) -> Instance:
     """Return the planner's instance: a part is a segment of no length with a time; a percent is a second."""
     ends = np.repeat(np.array(scenario.places, dtype=np.float64)[:, np.newaxis, :], 2, axis=1)
     fleet = [
@@ -148,7 +148,7 @@ def _value(instance: Instance, routes: list[list[int]]) -> float:
     return math.inf if evaluation.violations else evaluation.value
 
 
-def _ask_lkh(binary: Path, scenario: Scenario, seed: int) -> list[list[int]] | None:
+def _ask_lkh(binary: Path, scenario: OnboardCase, seed: int) -> list[list[int]] | None:
     """Return LKH-3's routes of an asymmetric multiple TSP whose tours lead from home to a start first, for nothing."""
     agents, parts = len(scenario.starts), len(scenario.places)
     places = [scenario.home, *scenario.places, *scenario.starts]

@@ -311,10 +311,11 @@ def _build_window_document(
 def _describe_found_window(
     content: missions.PlanFile, found: planner.ReplanWindow, least_s: float | None
 ) -> Iterator[str]:
-    breaking, whom = found.breaking, plan_summary.name_losses(found.losses)
+    breaking = found.breaking
+    absorbs = plan_summary.describe_absorbed_losses(found.earliest_s, found.losses)
     yield (
-        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of "
-        f"{whom}{plan_summary.but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
+        f"re-plan window {found.window_pct:.1f} %: {absorbs}{plan_summary.but_left_over(content)} "
+        f"(longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
         name = content.names[breaking.vehicle]

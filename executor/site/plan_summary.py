@@ -119,7 +119,7 @@ def describe_window(plan: PlanFile) -> list[str]:
     if then is not None:
         before += f", then {then.vehicle} at {then.from_s:.0f} to {then.to_s:.0f} s"
     share = f"re-plan window {window.window_pct:.0f} %"
-    absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of {name_losses(window.losses or 1)}"
+    absorbs = describe_absorbed_losses(window.earliest_s, window.losses or 1)
     return [f"{share}: {absorbs}{but_left_over(plan)}{before}"]
 
 
@@ -130,9 +130,11 @@ def _describe_coverage(found: CoverageChance) -> str:
     return f"{chance} {span}, {found.uninspected_m:.1f} m left on average; {flown}"
 
 
-def name_losses(count: int) -> str:
-    """Return in words which losses a window is about."""
-    return "any one vehicle" if count == 1 else "any two vehicles, one after the other or at once"
+def describe_absorbed_losses(earliest_s: float, losses: int) -> str:
+    """Return from when on which losses can be absorbed."""
+    if losses == 1:
+        return f"from {earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
+    return f"from {earliest_s:.0f} s the fleet can absorb the loss of any two vehicles, one after the other or at once"
 
 
 def but_left_over(plan: PlanFile) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.all_parts import WORK, make_parts
-from benchmarks.parts import exact, mtsp, onboard, replan, scale, start
+from benchmarks.parts import bounds, exact, mtsp, onboard, replan, scale, start
 from benchmarks.parts.names import PartName
 from benchmarks.parts.setting import Setting
 from benchmarks.peer import pyvrp_installed, solve_pyvrp
@@ -61,7 +61,7 @@ def test_the_page_of_re_plans_says_what_was_missed() -> None:
 
 
 def test_agents_start_in_the_field_and_tasks_take_their_time() -> None:
-    scenario = onboard.Scenario((0, 0), ((3, 4), (0, 10)), ((3, 0), (0, 4)), (2.0, 5.0))
+    scenario = onboard.OnboardCase((0, 0), ((3, 4), (0, 10)), ((3, 0), (0, 4)), (2.0, 5.0))
     instance = onboard.build_scenario(scenario)
     plan = Plan((Route(0, (0, 2)), Route(1, ())))
     figures = evaluate(instance, plan, Cost.MINMAX)
@@ -76,6 +76,17 @@ def test_the_page_of_small_re_plans_says_how_many_were_optimal() -> None:
     text = onboard.report({"rows": [{"tasks": 4, "parts": 8, "programs": {"search": one}}], "cases": 300})
     assert "| 4 (8) | search | 290 of 300 | 100.0 | 0.10 | 4.00 | 2.00 |" in text
     assert "LKH-3 was not run: FAULTLINE_LKH names its program." in text
+
+
+def test_the_page_of_bounds_gives_gaps_and_counts_verdicts() -> None:
+    cost = {"radius_m": 500.0, "segments": 18, "cost": "minsum", "value": 200.0, "bound": 199.0, "processor_s": 1.25}
+    window = {"radius_m": 500.0, "tightness": 0.9, "earliest_s": 800.0, "bound_s": 600.0, "processor_s": 2.0}
+    losses = [("feasible", "search"), ("feasible", "columns"), ("impossible", "columns"), ("open", "columns")]
+    rows = [{"verdict": verdict, "how": how, "processor_s": 3.0} for verdict, how in losses]
+    text = bounds.report({"costs": [cost], "windows": [window], "losses": [{"radius_m": 1000.0, "rows": rows}]})
+    assert "| 500 | 18 | minsum | 200.0000 | 199.0000 | 0.500 | 1.2 |" in text
+    assert "| 500 | 0.90 | 800 | 600 | 25.0 | 2.0 |" in text
+    assert "| 1000 | 4 | 1 | 1 | 0 | 1 | 1 | 3.0 |" in text
 
 
 def test_values_over_time_are_of_complete_plans() -> None:
