@@ -350,7 +350,8 @@ def _folders_kml(rows: Sequence[Sequence[tuple[float, float]]], shape: str) -> s
 def changed(tables: Tables, *changes: tuple[str, object]) -> Tables:
     """Return tables in which some keys, such as `vehicle[0].pad`, have another value; None takes one away."""
     found = deepcopy(tables)
-    for key, value in changes:
+    for key, given in changes:
+        value = deepcopy(given)  # later changes may be within it
         *path, last = [int(one) if one.isdigit() else one for one in key.replace("[", ".").replace("]", "").split(".")]
         table: Any = found
         for one in path:
