@@ -32,7 +32,7 @@ class Difference:
     reason: str
 
 
-CAPABILITIES = "a simulated vehicle names only what it can do"
+CAPABILITIES = "a simulated vehicle reports only what it can do"
 PARAMETERS = "a simulated vehicle has fewer parameters"
 DIFFERENCES: Mapping[str, Mapping[str, Difference]] = {
     "ardupilot": dict.fromkeys(

@@ -159,10 +159,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            f"has not moved for 20 s on its way home, {OUT_THERE}, 2 m over its home",
+            f"has not moved for 20 s on its return, {OUT_THERE}, 2 m over its home",
             "",
             "",
-            f"has not moved for 20 s on its way home, {OUT_THERE}, 20 m over its home",
+            f"has not moved for 20 s on its return, {OUT_THERE}, 20 m over its home",
             "",
             "",
             "",

@@ -14,7 +14,7 @@ from executor.core.interface.messages import Battery, Heartbeat, LandedState, Mi
 from executor.core.state.vehicle_state import FaultKind, Stage
 from tests.executor.core.stories import EVERYTHING, under_way
 
-HANGS = r"uav2: has not moved for 2[0-2] s on its way home, \d+\.\d{5}, \d+\.\d{5} \(.*\), \d+ m over its home"
+HANGS = r"uav2: has not moved for 2[0-2] s on its return, \d+\.\d{5}, \d+\.\d{5} \(.*\), \d+ m over its home"
 STREAMS = {
     Position: ("no position", FaultKind.INTERRUPTION, 20.0),
     Heartbeat: ("no HEARTBEAT", FaultKind.INTERRUPTION, 20.0),
