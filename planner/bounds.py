@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -85,7 +87,7 @@ def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
 
 def compute_tree_bound_pct(
     instance: Instance, useful: BoolArray, *, starts: FloatArray, homes: FloatArray, idle: FloatArray, enough: float,
-    ascent: int = ASCENT,
+    once: int | None = None, ascent: int = ASCENT,
 ) -> float:  # fmt: skip
     """Return the spanning-tree bound for the ``useful`` vehicles; their rows cover all visits.
 
@@ -96,6 +98,7 @@ def compute_tree_bound_pct(
         homes: (r, 2n), energy from the end of a visit to the landing place.
         idle: (r,), energy of an unused vehicle.
         enough: stop when the bound exceeds this.
+        once: the only vehicle that starts at most once; None if all do.
         ascent: maximum number of iterations.
     """
     # Imported here because it loads numba, which the quick conditions do not need.
@@ -109,15 +112,61 @@ def compute_tree_bound_pct(
     back = np.arange(visits) ^ 1
     # A visit begins at the end point with its own number and ends at the other end point of its segment.
     onward = moves[back] - entry[segment]
+    every = range(len(starts))
     bound = compute_tree_bound(
         np.array(np.minimum(onward, onward.T), order="C"),
         np.array(starts - entry[segment], order="C"),
         np.array(homes[:, back], order="C"),
         np.array(idle, dtype=np.float64),
+        np.array([once is None or vehicle == once for vehicle in every], dtype=np.int64),
         enough - float(entry.sum()),
         ascent,
     )
     return float(bound + entry.sum()) - 1e-9 * abs(enough)
+
+
+def bound_window_by_trees_s(instance: Instance) -> float:
+    """Return a lower bound of the begin of any plan's re-plan window, from spanning trees.
+
+    If a vehicle is lost at t, its completed work is one open path of at most t, and the others cover the rest within
+    their budgets, some in two flights. So t is at least what such paths and flights need beyond those budgets, divided
+    by the lost vehicle's maximum consumption per second. Some vehicle flies when a window begins: the bound is the
+    least over all vehicles.
+    """
+    kinds: dict[tuple[object, ...], float] = {}
+    for lost, vehicle in enumerate(instance.vehicles):
+        kind = (replace(vehicle, name=""), instance.profile[lost], instance.start_pct[lost].tobytes())
+        if kind not in kinds:
+            kinds[kind] = _bound_loss_by_trees_s(instance, lost)
+    return min(kinds.values(), default=0.0)
+
+
+def _bound_loss_by_trees_s(instance: Instance, lost: int) -> float:
+    fleet = len(instance.vehicles)
+    consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
+    again = consumption * instance.depot_pct
+    homes = instance.home_pct.copy()
+    homes[lost] = 0.0  # its path is open
+    others = sum(
+        max(0.0, vehicle.budget_pct) + BUDGET_TOLERANCE_PCT
+        for number, vehicle in enumerate(instance.vehicles)
+        if number != lost
+    )
+    needed = compute_tree_bound_pct(
+        instance, np.ones(fleet, dtype=np.bool_), starts=np.minimum(instance.start_pct, again), homes=homes,
+        idle=np.zeros(fleet), enough=2.0 * others, once=lost,
+    )  # fmt: skip
+    return max(0.0, (needed - others) / _find_most_pct_per_s(instance, lost))
+
+
+def _find_most_pct_per_s(instance: Instance, vehicle: int) -> float:
+    moves, profile = instance.moves.tabulate(), instance.profile[vehicle]
+    seconds = np.concatenate([instance.start_s[vehicle], moves.table_s[profile].ravel()])
+    used_pct = np.concatenate([
+        instance.start_pct[vehicle], instance.vehicles[vehicle].consumption * moves.table_pct[profile].ravel()
+    ])  # fmt: skip
+    timed = seconds > 0
+    return float((used_pct[timed] / seconds[timed]).max(initial=0.0)) or 1.0
 
 
 def _least_moves_pct(instance: Instance, useful: BoolArray) -> FloatArray:

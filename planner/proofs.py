@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.bounds import bound_window_by_trees_s
 from planner.columns import ColumnSearch, RouteKind, check_can_prove, list_kinds
 from planner.errors import PlanError
 from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Result, evaluate
@@ -211,7 +212,8 @@ def bound_earliest_window_s(instance: Instance, most_s: float, *, go_on: Report 
     others covered the rest in the plan. If all ``n`` fly, each loss has a re-plan: the lost vehicle's completed work is
     one open path of at most t, and the others cover the rest within their budgets, some in two flights. The mean over
     all ``n`` losses covers everything too, and as no segment is completed by two vehicles, the paths cover at most 1/n
-    of each segment. If both are impossible, no window begins at t or before.
+    of each segment. If both are impossible, no window begins at t or before. The search begins with the bound by
+    spanning trees, which is better for large networks.
 
     Args:
         instance: the problem.
@@ -224,7 +226,8 @@ def bound_earliest_window_s(instance: Instance, most_s: float, *, go_on: Report 
     """
     if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")
-    low, most = 0.0, most_s
+    low = bound_window_by_trees_s(lift_locks(instance, range(len(instance.vehicles)))) if instance.segments > 0 else 0.0
+    low, most = min(low, most_s), most_s
     while instance.segments > 0 and most - low > NEAR_S and go_on(low):
         at_s = (low + most) / 2
         if _is_window_refuted(instance, at_s, _report_fixed(go_on, low)):

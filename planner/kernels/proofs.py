@@ -138,20 +138,22 @@ def grow_tree(
 
 @kernel(counted=True)
 def compute_tree_bound(
-    links: Table, starts: Table, homes: Table, idle: Floats, enough: float, iterations: int
+    links: Table, starts: Table, homes: Table, idle: Floats, once: Ints, enough: float,
+    iterations: int,
 ) -> float:  # fmt: skip
     """Return a lower bound on the cost of visiting ``m`` segments with ``r`` vehicles.
 
     Every segment is entered once, from another segment or from a start, so the entries form a spanning tree of the
-    segments and one root. Every end point has one transit or return leg, and every vehicle starts at most once.
-    Potentials of the end points and the vehicles penalise trees that violate this; any potentials give a bound,
-    subgradient ascent gives a good one.
+    segments and one root. Every end point has one transit or return leg. Potentials of the end points, and of the
+    vehicles that start at most once, penalise trees that violate this; any potentials give a bound, subgradient ascent
+    gives a good one.
 
     Args:
         links: (2m, 2m), the least cost of a transit between end points in either direction; symmetric.
         starts: (r, 2m), cost of entering a segment at an end point from a vehicle's start.
         homes: (r, 2m), cost of the return leg from an end point.
         idle: (r,), cost of an unused vehicle.
+        once: (r,), 1 for vehicles that start at most once.
         enough: stop when the bound exceeds this.
         iterations: maximum number of ascent iterations.
     """
@@ -161,8 +163,8 @@ def compute_tree_bound(
     potential = np.zeros(points)
     price = np.zeros(fleet)
     for vehicle in range(fleet):
-        # The saving from landing elsewhere counts once.
-        price[vehicle] = max(0.0, idle[vehicle] - homes[vehicle].min())
+        if once[vehicle] == 1:  # the saving from landing elsewhere counts once
+            price[vehicle] = max(0.0, idle[vehicle] - homes[vehicle].min())
     best = -np.inf
     step = 1.0
     stalled = 0
@@ -198,7 +200,7 @@ def compute_tree_bound(
             return best
         norm = np.sum(degree * degree)
         for vehicle in range(fleet):
-            if used[vehicle] > 0.0 or price[vehicle] > 0.0:
+            if once[vehicle] == 1 and (used[vehicle] > 0.0 or price[vehicle] > 0.0):
                 norm += used[vehicle] * used[vehicle]
         if norm <= 0.0:
             return best
@@ -207,5 +209,6 @@ def compute_tree_bound(
             length = step * 0.02 * abs(total) / norm
         potential += length * degree
         for vehicle in range(fleet):
-            price[vehicle] = max(0.0, price[vehicle] + length * used[vehicle])
+            if once[vehicle] == 1:
+                price[vehicle] = max(0.0, price[vehicle] + length * used[vehicle])
     return best
