@@ -11,7 +11,7 @@ import numpy as np
 from planner.errors import PlanError
 from planner.evaluate import Cost, Result, evaluate
 from planner.kernels.repair import SAME_TIME_S, try_loss
-from planner.kernels.robust_walk import WalkLimits, anneal_plan
+from planner.kernels.robust_walk import WalkLimits
 from planner.model import Instance, Plan
 from planner.params import SearchParams
 from planner.plan_search import build_plan
@@ -80,16 +80,7 @@ class CoverageSearch(RobustSearch):
 
     def _walk(self, walker: Walker, iterations: int) -> None:
         while iterations > 0:
-            if walker.left <= 0:
-                self._begin_cycle(walker)
-            cooling = (self._params.cold / self._start_temperature(walker)) ** (1 / walker.length)
-            done = anneal_plan(
-                self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
-                walker.probes_s, self._build_limits(walker), walker.temperature, cooling,
-                min(iterations, walker.left), walker.rng,
-            )  # fmt: skip
-            iterations -= max(1, done)
-            walker.left -= max(1, done)
+            iterations -= self._anneal(walker, iterations)
             if walker.left <= 0 or walker.here.lacks.sum() <= 0:
                 routes = tuple(route.visits for route in build_plan(walker.here.base).routes)
                 longest_s = float(walker.here.clock.durations_s.max())

@@ -327,16 +327,7 @@ class RobustSearch(Search):
 
     def _walk(self, walker: Walker, iterations: int) -> None:
         while iterations > 0 and not walker.waits:
-            if walker.left <= 0:
-                self._begin_cycle(walker)
-            cooling = (self._params.cold / self._start_temperature(walker)) ** (1 / walker.length)
-            done = anneal_plan(
-                self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
-                walker.probes_s, self._build_limits(walker), walker.temperature, cooling,
-                min(iterations, walker.left), walker.rng,
-            )  # fmt: skip
-            iterations -= max(1, done)
-            walker.left -= max(1, done)
+            iterations -= self._anneal(walker, iterations)
             here = walker.here
             # At the end of a cycle, repairs that lack a little are rebuilt.
             if walker.left <= 0 and 0 < here.lacks.sum() <= self._params.nearly * self._transit_pct(here.base):
@@ -349,6 +340,20 @@ class RobustSearch(Search):
                     return
             elif walker.left <= 0:
                 self._lower_step(walker)
+
+    def _anneal(self, walker: Walker, iterations: int) -> int:
+        """Walk on in its cycle, or in a new one; return how many of the iterations were used."""
+        if walker.left <= 0:
+            self._begin_cycle(walker)
+        cooling = (self._params.cold / self._start_temperature(walker)) ** (1 / walker.length)
+        done = anneal_plan(
+            self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
+            walker.probes_s, self._build_limits(walker), walker.temperature, cooling,
+            min(iterations, walker.left), walker.rng,
+        )  # fmt: skip
+        done = max(1, done)
+        walker.left -= done
+        return done
 
     def _lower_step(self, walker: Walker) -> None:
         """Reduce the step for the next cycle; after the last step begin again, with longer cycles."""
