@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import sys
 from collections.abc import Iterator
 from enum import Enum
@@ -72,14 +73,14 @@ def _interface(kind: type, wanted: dict[type, None]) -> Iterator[str]:
 def _typed(kind: object, wanted: dict[type, None]) -> str:
     """Return a type as in JSON.
 
-    >>> _typed(tuple[int | None, ...], {}), _typed(tuple[float, str], {}), _typed(Literal["a", "b"], {})
-    ('(number | null)[]', '[number, string]', '"a" | "b"')
+    >>> _typed(tuple[int | None, ...], {}), _typed(tuple[float, str], {}), _typed(Literal["a", 2], {})
+    ('(number | null)[]', '[number, string]', '"a" | 2')
     """
     if kind in PLAIN:
         return PLAIN[kind]
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Literal:
-        return " | ".join(f'"{one}"' for one in parts)
+        return " | ".join(json.dumps(one) for one in parts)
     if origin in {Annotated, Union, UnionType}:
         return " | ".join(_typed(one, wanted) for one in (parts[:1] if origin is Annotated else parts))
     if origin is list or (origin is tuple and parts[-1] is ...):

@@ -340,7 +340,7 @@ export interface Window {
   /** Latest loss before it without a re-plan. */
   breaking: BreakingLoss | null;
   /** 2 if any two vehicles may be lost, one after the other or at once; None if any one may. */
-  losses: "2" | null;
+  losses: 2 | null;
   /** Second loss without a re-plan after that one; None if that one alone has none. */
   then: BreakingLoss | null;
 }
