@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,11 @@ from missions.pricing import Pricing
 from missions.validation import format_first_error
 from planner import InstanceError, PlanError
 
-FLIGHT: TypeAdapter[PlanFile | DayPlanFile] = TypeAdapter(PlanFile)
-DAYS: TypeAdapter[PlanFile | DayPlanFile] = TypeAdapter(DayPlanFile)
+
+@cache
+def _find_adapter(has_days: bool) -> TypeAdapter[PlanFile | DayPlanFile]:
+    """Build the converter on first use: every command imports this module, few read a plan."""
+    return TypeAdapter(DayPlanFile if has_days else PlanFile)
 
 
 def write_plan(path: Path | str, content: PlanFile | DayPlanFile) -> None:
@@ -44,7 +48,7 @@ def build_plan_document(content: PlanFile | DayPlanFile, source: str | None = No
     Raises:
         PlanFileError: a figure is NaN or infinite.
     """
-    adapter = DAYS if isinstance(content, DayPlanFile) else FLIGHT
+    adapter = _find_adapter(isinstance(content, DayPlanFile))
     plain: dict[str, Any] = adapter.dump_python(content, mode="json", by_alias=True, exclude_none=True)
     plain["segments"] = plain.pop("segments")  # last, because they are by far the longest
     _parse_plan(json.dumps(plain), source or content.source)
@@ -63,7 +67,8 @@ def read_any_plan(path: Path | str) -> PlanFile | DayPlanFile:
 
 def _parse_plan(text: str, source: str) -> PlanFile | DayPlanFile:
     try:
-        content = replace((DAYS if "days" in find_object(text) else FLIGHT).validate_json(text), source=source)
+        adapter = _find_adapter("days" in find_object(text))
+        content = replace(adapter.validate_json(text), source=source)
         for line in _find_errors(content):
             raise PlanFileError(f"{source}: {line}")
         content.plan  # noqa: B018 - refuses a segment that is in it twice

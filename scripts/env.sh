@@ -4,15 +4,26 @@
 #   env_make dev   the same, and what the tests and linters need
 #   env_make docs  what the site of the documents needs
 
+# The tests start the program hundreds of times: without its caches each process would compile it anew.
+unset PYTHONDONTWRITEBYTECODE
+
+# Prints the Python to use. That of a distribution is built with profile-guided optimisation, unlike pyenv's: tests and
+# planning take a sixth less time.
+env_find_python() {
+    local python
+    for python in /usr/bin/python3 python3.11 python3.12 python3.13 python3.14; do
+        if "$python" -c 'import ensurepip, sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+            echo "$python"
+            return
+        fi
+    done
+    echo python3
+}
+
 env_make() {
     local kind=$1 root python stamp wanted
     root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-    python=${FAULTLINE_PYTHON:-}
-    if [ -z "$python" ]; then
-        for python in python3.11 python3.12 python3.13 python3.14 python3; do
-            command -v "$python" >/dev/null && break
-        done
-    fi
+    python=${FAULTLINE_PYTHON:-$(env_find_python)}
     "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || {
         echo "faultline needs Python 3.11 or newer; set FAULTLINE_PYTHON to one" >&2
         return 2

@@ -31,7 +31,7 @@ ID = r"^[A-Za-z0-9._:-]{1,64}$"
 class IntentBody(BaseModel):
     """An operator's intent."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True, defer_build=True)
 
     id: Annotated[str, Field(pattern=ID)]
     """Unique id chosen by the sender. A repeated id gets the same answer and is not carried out again."""

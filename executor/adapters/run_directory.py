@@ -193,7 +193,7 @@ YesNo = Annotated[bool, Field(strict=True)]
 class Document(BaseModel):
     """A JSON object; unknown keys, of a later version, are ignored."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
 
     expected: ClassVar[str]
     """Description of the file in words, for errors on reading."""

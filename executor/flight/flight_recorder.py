@@ -87,7 +87,7 @@ class FoundCheckpoint:
 class _Part(BaseModel):
     """One line of the file; strict, so that it reads back as written or fails."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, ser_json_inf_nan="constants")
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, ser_json_inf_nan="constants", defer_build=True)
 
 
 class _Head(_Part):

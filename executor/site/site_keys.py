@@ -38,7 +38,7 @@ MOST_LINKS = 4
 class SiteTable(BaseModel):
     """A table of the file; unknown keys are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:

@@ -325,9 +325,12 @@ class Dialect:
     """Version that this dialect was measured with."""
 
 
+_ADAPTER = TypeAdapter(Dialect)
+
+
 def _read_dialect(name: str) -> Dialect:
     text = resources.files(__package__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
-    return TypeAdapter(Dialect).validate_python(tomllib.loads(text))
+    return _ADAPTER.validate_python(tomllib.loads(text))
 
 
 AUTOPILOTS = ARDUPILOT, PX4 = _read_dialect("ardupilot"), _read_dialect("px4")
