@@ -117,7 +117,8 @@ def _class(name: str, kind: type) -> Iterator[str]:
         for key, held in getattr(base, "__annotations__", {}).items():
             if key[0] != "_" and not held.startswith("ClassVar"):
                 rows[key] = (_plain(held), words.get((base.__name__, key), ""))
-        for key, held in vars(base).items():
+        # A copy: a model is built when it is first looked at, which adds to it.
+        for key, held in tuple(vars(base).items()):
             getter = getattr(held, "fget", getattr(held, "func", None))
             if key[0] != "_" and inspect.isfunction(getter):
                 rows[key] = (
