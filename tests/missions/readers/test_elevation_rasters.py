@@ -202,7 +202,7 @@ def test_heights_over_the_ellipsoid_are_converted_where_there_is_a_geoid(
 
 
 def test_what_a_run_keeps_is_the_same_ground_without_the_raster(tmp_path: Path) -> None:
-    write_raster(tmp_path / "a.tif", SMOOTH, crs="EPSG:32632", cell=2.0, holes_m=((300.0, -200.0, 120.0),))
+    write_raster(tmp_path / "a.tif", SMOOTH, crs="EPSG:32632", cell=10.0, holes_m=((300.0, -200.0, 120.0),))
     write_raster(tmp_path / "b.tif", SMOOTH)
     found = read_elevation([tmp_path / "a.tif", tmp_path / "b.tif"], reading())
     write_kept_ground(tmp_path / "terrain.npz", found)
