@@ -174,7 +174,7 @@ def before(ready: Fleet, *, asked: str = "take-off", stop: bool = False) -> Scen
     state = with_facts(fitted(story.state), briefing=briefing, said=lines)
     words = {
         "#clock": "before take-off",
-        "#asked": "Nothing is asked: a check says stop" if stop else questions[asked].text,
+        "#asked": "No question: a check stops the flight" if stop else questions[asked].text,
         "#checks": "1 check stops the flight" if stop else "1 warning",
         ".strip:nth-child(1) .figures": "98 %",
         ".strip:nth-child(1) .gps": "GPS 3D, 14 sat",

@@ -101,7 +101,7 @@ async def test_of_a_thousand_those_are_shown_that_are_sought() -> None:
             await page.locator("#sought").fill("UAV2")
             await expect(page.locator(".asset")).to_have_count(89)
             await page.locator("#sought").fill("nowhere")
-            await expect(page.locator("#unlisted")).to_have_text("Nothing is called so, or is in that state.")
+            await expect(page.locator("#unlisted")).to_have_text("No asset has this name or this state.")
             # What is typed there asks for nothing else.
             await page.locator("#sought").fill("")
             await page.keyboard.type("pAh1?")

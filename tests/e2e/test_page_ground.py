@@ -133,9 +133,9 @@ async def test_what_was_inferred_is_flown_again_by_a_button() -> None:
             await expect(button).to_be_enabled()
             await expect(page.locator("#legend-inferred")).to_be_visible()
             await page.keyboard.press("f")
-            await expect(page.locator("#question")).to_have_text("Fly inferred again?")
+            await expect(page.locator("#question")).to_have_text("Re-fly inferred?")
             await page.keyboard.press("Enter")
-            await expect(page.locator("#answer")).to_contain_text("Fly inferred again: accepted")
+            await expect(page.locator("#answer")).to_contain_text("Re-fly inferred: accepted")
     assert [(one.action.value, one.vehicle) for one in shown.asked] == [("prove", None)]
 
 

@@ -127,7 +127,7 @@ async def test_an_area_and_a_pad_are_put_on_the_map_and_their_corners_are_moved(
         await hand.type('[data-path="area.0.max_agl_m"] input', "60")
         await expect(page.locator("#step-areas .item b")).to_have_text("area1 (height limit)")
         await hand.open("places")
-        await hand.click(page.locator("#step-places").get_by_role("button", name="Put pad"))
+        await hand.click(page.locator("#step-places").get_by_role("button", name="Place pad"))
         await expect(page.locator("#guided")).to_have_text("Click on the map: pad of uav1")
         await hand.map(0.3, 0.5)
         await expect(page.locator("#step-places .item b")).to_have_text("pad1 (pad)")

@@ -71,13 +71,21 @@ def test_the_worth_of_a_plan_counts_what_is_to_spare_apart() -> None:
 
 ROWS: list[tuple[str, Callable[[PlanRating], PlanRating], bool]] = [
     ("the same", lambda one: one, False),
-    ("one more", lambda one: replace(one, segments=4, value=400.0, longest_s=99.0, spare_segments=0), True),
-    ("one more, together shorter", lambda one: replace(one, segments=4, value=299.0), False),
-    ("as many, together much longer", lambda one: replace(one, value=351.0, longest_s=99.0), True),
-    ("as many, together a little longer", lambda one: replace(one, value=350.0, longest_s=60.0), False),
-    ("one fewer, together longer", lambda one: replace(one, segments=2, value=900.0), False),
-    ("one more to spare", lambda one: replace(one, spare_segments=2, spare_value=150.0, longest_s=99.0), True),
-    ("one fewer to spare", lambda one: replace(one, spare_segments=0, spare_value=0.0, longest_s=1.0), False),
+    ("one more segment", lambda one: replace(one, segments=4, value=400.0, longest_s=99.0, spare_segments=0), True),
+    ("one more segment, but a shorter length in total", lambda one: replace(one, segments=4, value=299.0), False),
+    (
+        "as many segments, and a much longer length in total",
+        lambda one: replace(one, value=351.0, longest_s=99.0),
+        True,
+    ),
+    (
+        "as many segments, and a slightly longer length in total",
+        lambda one: replace(one, value=350.0, longest_s=60.0),
+        False,
+    ),
+    ("one segment fewer, but a longer length in total", lambda one: replace(one, segments=2, value=900.0), False),
+    ("one more spare segment", lambda one: replace(one, spare_segments=2, spare_value=150.0, longest_s=99.0), True),
+    ("one spare segment fewer", lambda one: replace(one, spare_segments=0, spare_value=0.0, longest_s=1.0), False),
     ("a shorter longest route", lambda one: replace(one, longest_s=54.9), True),
     ("a longest route as short", lambda one: replace(one, longest_s=55.0), False),
     ("a shorter longest route that uses more", lambda one: replace(one, longest_s=40.0, largest_pct=30.1), False),

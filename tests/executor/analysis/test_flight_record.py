@@ -86,7 +86,7 @@ FLIGHT = FlightRecord(
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "what a battery has given",
+        "energy used from a battery",
         lambda: recorded.compute_used_pct(PACK).tolist(),
         [[0.0, 0.0], [10.0, 2.0], [20.0, 1.0], [30.0, 40.0], [40.0, 20.0], [50.0, 20.0], [60.0, 20.1]],
     ),
@@ -99,23 +99,23 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [[2.0, -15.0], [2.0, 5.0]],
     ),
     (
-        "what a battery has given at a time",
+        "energy used from a battery up to a time",
         lambda: [recorded.draw_at_pct(vehicle_of(), t_s) for t_s in (-5.0, 0.0, 5.0, 25.0, 99.0)],
         [0.0, 0.0, 1.0, 20.5, 20.1],
     ),
     ("a battery that never reported", lambda: recorded.draw_at_pct(vehicle_of(battery=np.empty((0, 2))), 5.0), 0.0),
     (
-        "where it was last",
+        "last position",
         lambda: [recorded.find_last_row(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],
         [None, 0, 1, 2, 3],
     ),
     (
-        "when it takes off",
+        "time of take-off",
         lambda: [recorded.take_off_time_s(TRACK, after_s) for after_s in (0.0, 20.0, 20.1, 30.0, 30.1)],
         [20.0, 20.0, 30.0, 30.0, 30.1],
     ),
     (
-        "when it joins a route",
+        "time of joining a route",
         lambda: [
             joins(
                 after_s,
@@ -131,7 +131,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [20.0, 20.0, 30.0, 50.0],
     ),
     (
-        "when it comes near enough to a route",
+        "time of coming near enough to a route",
         lambda: [
             joins(0.0, (0.0, 0.0, 0.0), (10.0, 100.0, north_m), (20.0, 150.0, 50.0), (30.0, 100.0, 1.0))
             for north_m in (10.0, 10.1)
@@ -139,19 +139,27 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [10.0, 30.0],
     ),
     (
-        "when it joins a route to which it never comes near",
+        "time of joining a route it never comes near",
         lambda: joins(0.0, (0.0, 0.0, 0.0), (10.0, 70.0, 40.0), (20.0, 150.0, 5.0)),
         10.0,
     ),
-    ("when it joins a route after its record", lambda: [joins(5.0), joins(35.0, (0.0, 0.0, 0.0))], [5.0, 35.0]),
-    ("when it was on a route from the first", lambda: joins(0.0, (0.0, 100.0, 0.0), (10.0, 200.0, 0.0)), 0.0),
-    ("when a line was flown", lambda: inspected(*THERE), NOW_S + 21.0),
     (
-        "when a line was flown the other way",
+        "time of joining a route after the end of its record",
+        lambda: [joins(5.0), joins(35.0, (0.0, 0.0, 0.0))],
+        [5.0, 35.0],
+    ),
+    (
+        "time of joining a route it was on from the start",
+        lambda: joins(0.0, (0.0, 100.0, 0.0), (10.0, 200.0, 0.0)),
+        0.0,
+    ),
+    ("time a line was flown", lambda: inspected(*THERE), NOW_S + 21.0),
+    (
+        "time a line was flown in the other direction",
         lambda: inspected(*((t_s, 100.0 - along_m) for t_s, along_m in THERE)),
         NOW_S + 21.0,
     ),
-    ("when a line was not flown", lambda: inspected(*THERE[:6]), None),
+    ("a line not flown", lambda: inspected(*THERE[:6]), None),
     (
         "positions that were overtaken",
         lambda: [inspected(*THERE[:4], (9.0 - back_s, 60.0), *THERE[4:]) for back_s in (0.0, 5.0)],
@@ -169,17 +177,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [None, None, None],
     ),
     (
-        "what was given away",
+        "segments given up",
         lambda: [(segment.id, left_by) for segment, left_by in recorded.find_abandoned_segments(FLIGHT)],
         [(4, "uav1")],
     ),
     (
-        "who was lost",
+        "vehicles lost",
         lambda: [(one.name, fault.detected_s) for one, fault in FLIGHT.losses],
         [("uav2", 40.0), ("uav1", 60.0)],
     ),
-    ("what was left over", lambda: [one.display_name for one in FLIGHT.uncovered_segments], ["3"]),
-    ("what segments are called", lambda: [one.display_name for one in FLIGHT.segments], ["1", "mast", "3", "4"]),
+    ("segments left over", lambda: [one.display_name for one in FLIGHT.uncovered_segments], ["3"]),
+    ("names of segments", lambda: [one.display_name for one in FLIGHT.segments], ["1", "mast", "3", "4"]),
     (
         "the longest route of the first plan",
         lambda: [FLIGHT.longest_route_s, replace(FLIGHT, revisions=(planned(0, 0.0),)).longest_route_s],

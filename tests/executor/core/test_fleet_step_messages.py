@@ -292,7 +292,7 @@ SEPARATIONS = [
     ("two that are nearer than before", flying(), position(), other(3.0, 24.0), 5.1, 5.0),
     ("two that were as near before", flying(), position(), other(3.0, 24.0), 5.0, None),
     (
-        "one above another by what nobody climbs in that time",
+        "above another within the fastest climb",
         flying(),
         position(),
         other(0.0, 39.9, velocity_m_s=(0.0, 0.0, -12.0), age_s=1.5),
@@ -300,7 +300,7 @@ SEPARATIONS = [
         1.9,
     ),
     (
-        "one above another by more than anybody climbs",
+        "above another beyond the fastest climb",
         flying(),
         position(),
         other(0.0, 40.1, velocity_m_s=(0.0, 0.0, -12.0), age_s=1.5),
@@ -308,7 +308,7 @@ SEPARATIONS = [
         None,
     ),
     (
-        "where the other is by now",
+        "position of the other vehicle by now",
         flying(),
         position(),
         other(10.0, 20.0, north_m=6.0, velocity_m_s=(-4.0, 2.0, 2.0), age_s=1.5),
@@ -319,9 +319,9 @@ SEPARATIONS = [
     ("another on the ground", flying(), position(), other(0.0, 1.9), None, None),
     ("another just in the air", flying(), position(), other(0.0, 2.0), None, 18.0),
     ("another that is not armed", flying(), position(), with_facts(other(0.0, 30.0), heartbeat=DISARMED), None, None),
-    ("one that is on the ground itself", flying(), position(1.9), other(0.0, 30.0), None, None),
-    ("one that is just in the air itself", flying(), position(2.0), other(0.0, 30.0), None, 28.0),
-    ("one that is not armed itself", flying(heartbeat=DISARMED), position(), other(0.0, 30.0), None, None),
+    ("a vehicle that is itself on the ground", flying(), position(1.9), other(0.0, 30.0), None, None),
+    ("a vehicle that has itself just taken off", flying(), position(2.0), other(0.0, 30.0), None, 28.0),
+    ("a vehicle that is itself disarmed", flying(heartbeat=DISARMED), position(), other(0.0, 30.0), None, None),
 ]
 
 

@@ -163,7 +163,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         },
     ),
     (
-        "what its loss would mean",
+        "effect of its loss",
         lambda: [
             seen(flying(**given), "loss", outlook={"uav1": LossOutlook(NOW_S - 5.04, uncovered)})["loss"]
             for given in ({}, {"stage": Stage.STARTING}, {"stage": Stage.RETURNING}, {"fault": BATTERY_FAULT})
@@ -181,7 +181,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "how long its pilot has it",
+        "time with its pilot",
         lambda: [
             seen(with_facts(PILOTS, taken=taken), "taken")["taken"]
             for taken in (
@@ -201,7 +201,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "when it lands",
+        "time of its landing",
         lambda: [
             seen(flying(**given), "lands_in_s")["lands_in_s"]
             for given in ({}, {"waypoint": 5}, {"held_s": 5.0}, {"stage": Stage.RETURNING}, {"board": None})
@@ -209,7 +209,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [140.0, 28.0, None, None, None],
     ),
     (
-        "what it does",
+        "its activity",
         lambda: [
             seen(flying(**given), "state")["state"]
             for given in (
@@ -226,7 +226,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["flying", "flying", "holding", "flying", "flying", "landing", "returning", "flying"],
     ),
     (
-        "where it is",
+        "its position",
         lambda: [
             placed(**given)
             for given in (

@@ -18,7 +18,7 @@ const MAY_AGAIN = new Set(["seen", "inferred", "given_up"]);
 /** @type {Record<string, string>} */
 const WHY = {
   missed: "Pictures of it are missing: it is flown again.",
-  given_up: "Nobody flies it any more in this flight.",
+  given_up: "No vehicle flies it any more in this flight.",
   left_over: "It is left for the next flight.",
   open: "It is still to be flown.",
 };
@@ -173,7 +173,7 @@ export class Assets {
     if (chosen && !shown.includes(chosen)) shown.push(chosen);
     this.place(shown.map((one) => this.row(one)));
     const left = found.length - shown.length;
-    const nothing = found.length ? "" : say("Nothing is called so, or is in that state.");
+    const nothing = found.length ? "" : say("No asset has this name or this state.");
     write(byId("unlisted"), left ? say("{left} more: search for a name, a state or a vehicle.", { left }) : nothing);
     this.act();
   }

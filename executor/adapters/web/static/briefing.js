@@ -17,8 +17,8 @@ const GROUPS = [
 ];
 /** @type {Record<string, string>} */
 const MEANINGS = {
-  prepare: "What is listed is changed and put on board. Nothing moves yet.",
-  "take-off": "Everybody with a route takes off now. The pads, and all around them, are clear of people.",
+  prepare: "The listed changes are made and the missions uploaded. Nothing moves yet.",
+  "take-off": "All vehicles with a route take off now. The pads and their surroundings are clear of people.",
 };
 
 export class Briefing {
@@ -43,7 +43,7 @@ export class Briefing {
     this.question = before ? state.question : null;
     if (!before) return;
     const stops = state.checks.filter((one) => one.severity === "stop").length;
-    write(byId("asked"), this.question ? translate(this.question.text) : stops ? say("Nothing is asked: a check says stop") : say("Nothing is asked yet"));
+    write(byId("asked"), this.question ? translate(this.question.text) : stops ? say("No question: a check stops the flight") : say("No question yet"));
     byId("agree").hidden = !this.question;
     const key = JSON.stringify([state.checks, this.question]);
     if (key === this.shown) return;

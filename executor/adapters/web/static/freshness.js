@@ -87,7 +87,7 @@ export class Freshness {
     const flies = state.flight_s !== null && !state.finished;
     if (flies && state.decided_age_s !== null && state.decided_age_s > STALE_S * this.speedup) {
       return {
-        text: say("The ground station itself is behind: nothing was decided for {time}", { time: age(state.decided_age_s) }),
+        text: say("The ground station is behind: no decision for {time}", { time: age(state.decided_age_s) }),
         old: true,
       };
     }

@@ -1,4 +1,4 @@
-// What lies below the map: a picture of the ground or its relief, contour lines, and what is known of a place.
+// Background of the map: a picture of the ground or its relief, contour lines, and what is known of a place.
 import { say } from "./translation.js";
 
 /** @import { Contour, GroundDocument, Place } from "../documents.js" */

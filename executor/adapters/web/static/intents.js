@@ -22,25 +22,25 @@ import { say, translate } from "./translation.js";
 
 /** @type {Record<string, [string, string]>} */
 const WORDS = {
-  hold: ["Hold", "It stops where it is and waits. Its battery goes on being used."],
-  resume: ["Resume", "It goes on with its mission from where it holds."],
+  hold: ["Hold", "It stops where it is and waits. It keeps using its battery."],
+  resume: ["Resume", "It continues its mission from where it holds."],
   return: ["Bring back", "RTL; stays on the ground until included. Its segments are reassigned."],
-  land: ["Land", "It comes down right where it is. Its segments are reassigned."],
+  land: ["Land", "It lands exactly where it is. Its segments are reassigned."],
   exclude: ["Exclude", "It is taken out of the plan; RTL if it flies. Its segments are reassigned."],
-  include: ["Include", "It takes off from its pad when there is work for it: the pad is clear of people, and its battery will do."],
+  include: ["Include", "It takes off once there is work for it. Its pad is clear of people, and its battery is sufficient."],
   swap: ["Pack changed", "Its checks run; it takes off on its next sortie once they pass: its pad is clear of people."],
-  disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
-  close: ["Close base", "Nobody takes off from it until it is opened. Who is in the air lands there. Its later sorties are open for others."],
-  open: ["Open base", "Its vehicles may be sent out again, each when its pack is confirmed."],
+  disarm: ["Disarm", "Its motors are stopped. Only for a vehicle that is down: in the air it would fall."],
+  close: ["Close base", "No vehicle takes off from it until it is opened. Vehicles in the air still land there. Their later sorties are open for others."],
+  open: ["Open base", "Its vehicles may take off again, each once its pack is confirmed."],
   count: ["Count packs at", "How many charged packs are at the base now? Packs that are still charging are added when they are ready."],
   replan: ["Re-plan now", "All open segments are re-planned."],
-  prove: ["Fly inferred again", "What counts by evidence alone is flown again, for proof by positions."],
-  abort: ["Abort all", "All vehicles return now. What is not inspected stays so."],
+  prove: ["Re-fly inferred", "Segments that were only inferred are flown again, for proof by positions."],
+  abort: ["Abort all", "All vehicles return now. Open segments are left over."],
   prepare: ["Prepare", ""],
   "take-off": ["Take off", ""],
 };
-const BACK = "Its pilot has set mission mode again: it goes on in the plan, and is supervised from here again.";
-const AGAIN = "It is open again: its pictures so far do not count, and it is planned like anything else that is open.";
+const BACK = "Its pilot has set mission mode again: it continues in the plan, supervised from here.";
+const AGAIN = "It is open again: its pictures so far do not count, and it is planned like every open segment.";
 const HANDS = "It is with its pilot.";
 const DANGER = new Set(["abort", "land", "exclude", "disarm", "take-off"]);
 const TOLD_MS = 8000;

@@ -94,7 +94,7 @@ function showWindow(next) {
   const bad = say("✗ not {vehicles}", { vehicles: outside.join(", ") }) + also;
   write(place, !judged.length ? say("not known") + also : outside.length ? bad : good);
   place.className = !judged.length ? "" : outside.length || left ? "loss out" : "loss in";
-  place.title = outside.length ? say("The loss of these could not be made good by the others") : "";
+  place.title = outside.length ? say("The others could not absorb the loss of these vehicles") : "";
 }
 
 /**

@@ -293,7 +293,7 @@ export class Strips {
     const calm = wind.speed_m_s < CALM_M_S;
     part(".arrow").hidden = calm;
     write(part(".wind"), calm ? say("calm") : say("{speed} m/s from {from}", { speed: number(wind.speed_m_s, 1), from: windFrom(wind.from_deg) }));
-    part(".air").title = say("Wind from {from}°, as it measures it", { from: number(wind.from_deg) });
+    part(".air").title = say("Wind from {from}°, as measured by the vehicle", { from: number(wind.from_deg) });
   }
 
   /**
@@ -350,7 +350,7 @@ function hands(vehicle, state) {
   const opening = began ? say("Hands off since {time}.", { time: began }) : say("Hands off.");
   if (taken.returned) return say("Its pilot has put it back on its mission: include it to continue.");
   if (taken.kept_s > 0) return `${opening} ${say("Its segments are kept for it for {time}.", { time: clock(taken.kept_s) })}`;
-  return `${opening} ${say("Nothing is kept for it.")}`;
+  return `${opening} ${say("No segments are kept for it.")}`;
 }
 
 /**

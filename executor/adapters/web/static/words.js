@@ -63,7 +63,7 @@ export const place = (at) => [at.lat_deg, at.lon_deg].map((deg) => deg.toFixed(d
  * @param {PositionView} position
  */
 export const known = (position) =>
-  position.known === "reckoned" ? say("reckoned without GPS, off by {off} m or more", { off: number(position.accuracy_m) })
+  position.known === "reckoned" ? say("dead reckoning without GPS, error {off} m or more", { off: number(position.accuracy_m) })
     : position.known === "fix" ? `GPS, ${number(position.accuracy_m, 1)} m` : say("GPS not reported");
 
 /** @param {number} fromDeg */

@@ -99,9 +99,9 @@ def pairs(*after: tuple[float, float]) -> list[tuple[BootTime, BootTime]]:
         ("held back", [(101.0, 110.0), (110.0, 110.1), (113.0, 113.0)], 10.0, 0.0),
         ("a reboot in a pause", [(1.0, 111.0), (4.0, 114.0)], 10.0, 0.0),
         ("a reboot, and back in time", [(1.0, 91.0), (4.0, 94.0)], -10.0, -10.0),
-        ("nobody speaks of his time, back in time", [], -10.0, -10.0),
-        ("nobody speaks of his time, for years", [], YEARS_S, YEARS_S),
-        ("nobody speaks of his time, for an hour", [], 3600.0, 0.0),
+        ("no clock reported, time going back", [], -10.0, -10.0),
+        ("no clock reported, for years", [], YEARS_S, YEARS_S),
+        ("no clock reported, for an hour", [], 3600.0, 0.0),
     ],
 )
 def test_by_how_much_a_clock_was_set(what: str, after: list[tuple[float, float]], leap_s: float, by_s: float) -> None:

@@ -466,7 +466,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "what was given",
+        "charge given",
         lambda: [
             state.given_pct
             for state in (
@@ -479,7 +479,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [0.0, 5.5, 5.5, 5.5],
     ),
     (
-        "what is used beyond the usual",
+        "consumption above the usual",
         lambda: [account.excess_pct(used(*EAGER), window_s) for window_s in (4.0, 5.0, 12.0, 60.0)],
         [(0.0, 0.0), (0.213201, 0.586799), (0.426403, 1.1736), (1.27921, 3.52079)],
     ),
@@ -492,9 +492,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [0.7, 0.8, 1.9, 2.0],
     ),
-    ("nobody knows a factor", lambda: account.consumption_factor(BatteryState()), 1.0),
+    ("unknown factor", lambda: account.consumption_factor(BatteryState()), 1.0),
     (
-        "who has no counter is blind",
+        "a vehicle without a counter is blind",
         lambda: [
             (account.is_blind(state), account.blindness_pct(state))
             for state in (

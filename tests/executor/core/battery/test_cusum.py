@@ -110,7 +110,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what is no jump",
+        "rises that are no jump",
         lambda: [
             cusum.add_usage(
                 Drift(), used_pct, 1.0, slack_pct=0.0, elapsed_s=elapsed_s, now_s=100.0, memory_s=90.0
@@ -119,9 +119,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [1, 0, 1, 0, 0, 1],
     ),
-    ("how long an excess lasts", lambda: [one.duration_s(100.0) for one in (Drift(), DRIFT)], [0.0, 10.0]),
+    ("duration of an excess", lambda: [one.duration_s(100.0) for one in (Drift(), DRIFT)], [0.0, 10.0]),
     (
-        "what is a drain",
+        "excesses that are a drain",
         lambda: [
             cusum.is_drain(Drift(excess, reports=reports, biggest_pct=biggest), 2.0, 8.0)
             for excess, reports, biggest in (

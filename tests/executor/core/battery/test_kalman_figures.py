@@ -115,7 +115,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Projection(mean_pct=56.0, sd_pct=1.88361),
     ),
     (
-        "how likely less is left",
+        "probability of less charge left",
         lambda: [Projection(20.0, 2.0).chance_below(floor_pct) for floor_pct in (16.0, 20.0, 22.0)],
         [0.0227501, 0.5, 0.841345],
     ),

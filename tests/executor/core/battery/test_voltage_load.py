@@ -150,7 +150,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [(3, 3.6, 0.3, 101.0, None), (3, 3.7, 0.2, None, None), (2, 3.4, 0.1, None, 101.0), (1, 3.4, 0.0, None, 101.0)],
     ),
     (
-        "how many cells there are",
+        "number of cells",
         lambda: [VoltageState(highest_v=volts_v).cells for volts_v in (0.0, 4.4, 4.5, 16.8, 17.7)],
         [1, 1, 2, 4, 5],
     ),

@@ -24,7 +24,7 @@ def down_words(**given: Any) -> str:
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "who is down",
+        "vehicles that are down",
         lambda: [
             down_words(**given)
             for given in (
@@ -58,12 +58,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who says that it is on the ground",
+        "a vehicle that reports itself on the ground",
         lambda: [bool(down_words(on_ground=True, anchor=at(up_m=1.0, age_s=age_s))) for age_s in (4.9, 5.0)],
         [False, True],
     ),
     (
-        "who says that it hangs in the air",
+        "a vehicle that reports itself in the air",
         lambda: [
             bool(down_words(on_ground=False, fix=at(up_m=up_m), anchor=at(up_m=up_m, age_s=age_s)))
             for up_m, age_s in ((5.0, 30.0), (5.1, 149.0), (5.1, 150.0))
@@ -71,7 +71,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, False, True],
     ),
     (
-        "who is over its pad",
+        "a vehicle over its pad",
         lambda: [
             bool(down_words(fix=over_pad(up_m), anchor=over_pad(up_m, age_s=age_s), on_ground=on_ground))
             for up_m, age_s, on_ground in ((2.0, 30.0, None), (2.1, 300.0, None), (0.0, 29.0, True), (0.0, 30.0, True))
@@ -79,7 +79,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, False, False, True],
     ),
     (
-        "who says nothing of its mode",
+        "a vehicle that does not report its mode",
         lambda: [
             down_words(heartbeat=beat(4), heartbeat_s=heartbeat_s, excused_s=excused_s)
             for heartbeat_s, excused_s in (
@@ -97,7 +97,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who leans",
+        "a tilted vehicle",
         lambda: [
             down_words(tilted_since_s=NOW_S - since_s, attitude=attitude, left_s=NOW_S)
             for since_s, attitude in (
@@ -113,7 +113,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who flies again",
+        "a vehicle that flies again",
         lambda: [
             touchdown.is_flying_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
             for given in (

@@ -13,7 +13,7 @@ from tests.executor.core.steps import rounded
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "what came of an order",
+        "outcome of an order",
         lambda: [
             flat(one)
             for one in (

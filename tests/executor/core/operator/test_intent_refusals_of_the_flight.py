@@ -98,7 +98,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["", "", "no vehicle is on a mission", "no vehicle is on a mission", ""],
     ),
     (
-        "what concerns everybody",
+        "intents for the whole fleet",
         lambda: [
             refused(action, "uav1", flying(), launched_s=launched_s)
             for action in (Action.REPLAN, Action.ABORT, Action.PREPARE, Action.TAKE_OFF)
@@ -135,7 +135,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "nobody's vehicle",
+        "an unknown vehicle",
         lambda: [refused(Action.HOLD, name, flying()) for name in (None, "uav9")],
         [
             "hold needs a vehicle: one of uav1, uav2, uav3",
@@ -196,7 +196,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "how far from slanted lines one may land",
+        "least distance from slanted lines for a landing",
         lambda: [
             intent_refusals._distance_to_line_m(SLANTED, place_m)
             for place_m in (

@@ -21,7 +21,7 @@ FENCE = {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_ALT_MAX": 80.0, "FENCE_R
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "what a vehicle does without us",
+        "action without the ground station",
         lambda: [
             onboard_failsafes.read_link_failsafe(ARDUPILOT, parameters)
             for parameters in (
@@ -55,7 +55,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what PX4 does without us",
+        "action of PX4 without the ground station",
         lambda: [
             onboard_failsafes.read_link_failsafe(PX4, parameters)
             for parameters in (
@@ -89,7 +89,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "whose heartbeats count",
+        "stations whose HEARTBEATs count",
         lambda: [
             onboard_failsafes.find_watched_station(ARDUPILOT, parameters)
             for parameters in ({}, ARDU, ARDU | {"MAV_GCS_SYSID": 3.0})
@@ -97,7 +97,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [None, ("SYSID_MYGCS", 254), ("MAV_GCS_SYSID", 3)],
     ),
     (
-        "what is asked for",
+        "requested parameters",
         lambda: [onboard_failsafes.list_preflight_parameters(dialect) for dialect in (ARDUPILOT, PX4)],
         [
             (
@@ -153,7 +153,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what is asked for by its other name",
+        "requested parameters by their other names",
         lambda: [
             list_other_names(ARDUPILOT, ["MAV_GCS_SYSID", "FS_OPTIONS", "WPNAV_SPEED"], parameters)
             for parameters in ({}, {"MAV_GCS_SYSID": 3.0}, {"WPNAV_SPEED": 1.0})
@@ -161,7 +161,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [("SYSID_MYGCS", "WP_SPD"), ("WP_SPD",), ("SYSID_MYGCS",)],
     ),
     (
-        "what a vehicle does on a low battery",
+        "action on a low battery",
         lambda: [
             onboard_failsafes.list_battery_actions(ARDUPILOT, parameters)
             for parameters in (
@@ -204,7 +204,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what PX4 does on a low battery",
+        "action of PX4 on a low battery",
         lambda: [
             onboard_failsafes.list_battery_actions(PX4, parameters)
             for parameters in (
@@ -223,7 +223,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "which fence a vehicle keeps to",
+        "fence of a vehicle",
         lambda: [
             onboard_failsafes.read_geofence(ARDUPILOT, parameters)
             for parameters in (
@@ -257,7 +257,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "which fence PX4 keeps to",
+        "fence of a PX4 vehicle",
         lambda: [
             onboard_failsafes.read_geofence(PX4, parameters)
             for parameters in (

@@ -182,7 +182,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what is asked for",
+        "requested parameters",
         lambda: [
             (
                 parameter_changes.list_return_parameters(dialect),
@@ -211,7 +211,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [1501.0, 1500.0, 15.1, 16.0, 1500.0],
     ),
     (
-        "why a height is set",
+        "reasons for a height",
         lambda: [
             parameter_changes._explain_return_height(context) for context in (CONTEXT, fleet_of({"uav1": (0,)}).context)
         ],

@@ -43,7 +43,7 @@ OTHER = "another ground station is on its link, system {} component 190"
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "who it is",
+        "vehicle identity",
         lambda: [
             lines(checks.check_identity(replace(FACTS, **given), ARDUPILOT, place_m))
             for given, place_m in (
@@ -83,7 +83,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who it is of PX4's",
+        "vehicle identity of PX4",
         lambda: lines(
             checks.check_identity(
                 replace(FACTS, heartbeat=replace(FACTS.heartbeat, autopilot=12), version=Version(1, 10, 0)),
@@ -94,7 +94,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [("warning: quadrotor, PX4 1.10.0, which is older than 1.15; faultline is tested with PX4 1.17.0")],
     ),
     (
-        "how high its pad is",
+        "height of its pad",
         lambda: [
             stood(east_m=0.0, north_m=0.0, alt_m=CONTEXT.frame.alt_m + off_m)
             for off_m in (0.0, 7.0, 9.9, -7.0, -9.9, -14.9, -15.1)
@@ -140,7 +140,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "how high a far pad is",
+        "height of a distant pad",
         lambda: [stood(east_m=30.0, north_m=40.0, alt_m=CONTEXT.frame.alt_m + off_m) for off_m in (-29.9, -30.1)],
         [
             [
@@ -158,7 +158,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "how long it is waited for",
+        "link time-out",
         lambda: [
             lines(
                 checks.check_link_failsafe(
@@ -185,7 +185,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "whose heartbeats it waits for",
+        "stations whose HEARTBEATs it waits for",
         lambda: [
             lines(checks.check_ground_stations(replace(FACTS, parameters=parameters_, stations=others), ARDUPILOT))
             for parameters_, others in (
@@ -219,7 +219,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what it does on a low battery",
+        "action on a low battery",
         lambda: [
             lines(checks.check_battery_failsafe_settings(replace(FACTS, parameters=parameters_), ARDUPILOT, left_pct))
             for parameters_, left_pct in (
@@ -296,7 +296,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what is left after the flight",
+        "charge left after the flight",
         lambda: 50.0 - checks.estimate_flight(CONTEXT, PATH).energy_pct,
         43.1177,
     ),
@@ -314,7 +314,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who may speak",
+        "signing of connections",
         lambda: [
             lines(checks.check_signing({name: [parse_connection(text)] for name, text in connections}, signed=signed))
             for connections, signed in (

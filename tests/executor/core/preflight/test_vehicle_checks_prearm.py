@@ -14,7 +14,7 @@ from tests.executor.core.steps import rounded
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "why it does not arm",
+        "reasons not to arm",
         lambda: [
             vehicle_checks.describe_prearm_failure(reasons_s, status, 100.0)
             for reasons_s, status in (
@@ -34,7 +34,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "which sensors are not healthy",
+        "unhealthy sensors",
         lambda: [
             vehicle_checks.describe_prearm_failure({}, SystemStatus(None, None, bit, None), 100.0)
             for bit in (0, *vehicle_checks.PREARM_SENSORS, 0x40, 0x3)
@@ -57,12 +57,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "which sensors there are",
+        "known sensors",
         lambda: sorted(vehicle_checks.PREARM_SENSORS),
         [1, 2, 4, 8, 32, 65536, 1048576, 2097152, 16777216, 33554432, 1073741824],
     ),
     (
-        "what gives a reason",
+        "texts that give a reason",
         lambda: [
             vehicle_checks.parse_prearm_reason(text)
             for text in (

@@ -152,8 +152,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("it has waited", lambda: begun(ON_ITS_WAY, wait_until_s=NOW_S, **WANTS)[2]["revision"], 1),
     ("another is under way", lambda: begun(ON_ITS_WAY, replan=UNSOLVED, **WANTS), ([], {}, {})),
     ("the flight was aborted", lambda: begun(ON_ITS_WAY, recalled=True, **WANTS), ([], {}, {})),
-    ("nobody has started", lambda: begun(ON_ITS_WAY, launched_s=None, **WANTS), ([], {}, {})),
-    ("nobody is heard", lambda: begun(ON_ITS_WAY, silent_since_s=5.0, **WANTS), ([], {}, {})),
+    ("no vehicle started", lambda: begun(ON_ITS_WAY, launched_s=None, **WANTS), ([], {}, {})),
+    ("no vehicle received", lambda: begun(ON_ITS_WAY, silent_since_s=5.0, **WANTS), ([], {}, {})),
     (
         "a segment was flown without proof",
         lambda: begun(
@@ -287,7 +287,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "nobody is left",
+        "no vehicle left",
         lambda: begun(
             flying(fault=BATTERY_FAULT),
             with_facts(SECOND, excluded=True),
@@ -297,12 +297,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ([], {}, {"orphans_since_s": NOW_S}),
     ),
     (
-        "nobody is in the air",
+        "no vehicle airborne",
         lambda: begun(flying(fault=BATTERY_FAULT), with_facts(SECOND, excluded=True), **WANTS),
         ([], {}, {"orphans_since_s": NOW_S}),
     ),
     (
-        "nobody in the air can, and who has landed could",
+        "no airborne vehicle can, a landed one could",
         lambda: begun(
             with_facts(landed(stage=Stage.LANDED), heard_s=None),
             with_facts(SECOND, excluded=True),
@@ -312,17 +312,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ([], {}, {"orphans_since_s": NOW_S}),
     ),
     (
-        "somebody flies its mission and cannot now",
+        "a vehicle on its mission that cannot now",
         lambda: begun(flying(held_s=5.0), **WANTS),
         ([], {}, {"orphans_since_s": NOW_S}),
     ),
     (
-        "somebody comes back who may fly again",
+        "a returning vehicle that may fly again",
         lambda: begun(flying(**HOMEWARD), **WANTS),
         ([], {}, {"orphans_since_s": NOW_S}),
     ),
     (
-        "somebody comes back who may not fly again",
+        "a returning vehicle that may not fly again",
         lambda: begun(flying(**HOMEWARD), context=CREW, **WANTS),
         (
             [Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5")],
@@ -331,7 +331,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who comes back is at fault",
+        "the returning vehicle is at fault",
         lambda: begun(flying(**HOMEWARD, fault=BATTERY_FAULT), **WANTS),
         (
             [Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5")],
@@ -340,7 +340,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who comes back is out of the plan",
+        "the returning vehicle is excluded",
         lambda: begun(flying(**HOMEWARD, excluded=True), **WANTS),
         (
             [Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5")],
@@ -349,16 +349,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who is heard again may reach what was left over",
+        "link regained, segments left over within reach",
         lambda: again(given_up=frozenset({2, 5, 1})),
         ({}, {"given_up": frozenset({5}), "urgent": True, "trigger": "uav1: link regained", "trigger_s": NOW_S}),
     ),
-    ("who is heard again, everybody sent home", lambda: again(recalled=True), ({}, {})),
-    ("who is heard again, with nothing left over", lambda: again(given_up=frozenset({5})), ({}, {})),
-    ("who is heard again, with no re-plan before", lambda: again(records=()), ({}, {})),
-    ("who is heard again was asked already", lambda: again(considered=frozenset({"uav1"})), ({}, {})),
-    ("who is heard again is at fault", lambda: again(flying(fault=BATTERY_FAULT)), ({}, {})),
-    ("who is heard again returns", lambda: again(flying(**HOMEWARD)), ({}, {})),
+    ("link regained, flight recalled", lambda: again(recalled=True), ({}, {})),
+    ("link regained, nothing left over", lambda: again(given_up=frozenset({5})), ({}, {})),
+    ("link regained, no re-plan before", lambda: again(records=()), ({}, {})),
+    ("link regained, vehicle considered already", lambda: again(considered=frozenset({"uav1"})), ({}, {})),
+    ("link regained, vehicle at fault", lambda: again(flying(fault=BATTERY_FAULT)), ({}, {})),
+    ("link regained, vehicle returning", lambda: again(flying(**HOMEWARD)), ({}, {})),
 ]
 
 

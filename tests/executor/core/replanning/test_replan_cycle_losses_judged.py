@@ -24,7 +24,7 @@ CONTEXT = FLEET.context
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "whose loss is worth a judgement",
+        "losses worth a judgement",
         lambda: [
             replan_cycle.select_vehicles_to_judge(flight_of(flying(), SECOND, **given))
             for given in (
@@ -39,7 +39,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [("uav1", "uav2"), (), (), (), (), ()],
     ),
     (
-        "whose loss is not worth a judgement",
+        "losses not worth a judgement",
         lambda: [
             replan_cycle.select_vehicles_to_judge(flight_of(flying(**given)))
             for given in ({"stage": Stage.STARTING}, {"fault": BATTERY_FAULT}, {"stage": Stage.PILOT, "taken": TAKEN})
@@ -47,7 +47,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [(), (), ()],
     ),
     (
-        "what a loss would ask for",
+        "problem after a loss",
         lambda: [
             replan_cycle.build_loss_problem(
                 CONTEXT, flight_of(*vehicles, revision=4, inspected={5: "uav3"}), "uav1", NOW_S
@@ -110,7 +110,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (),
     ),
     (
-        "what a judgement depends on",
+        "inputs of a judgement",
         lambda: replan_cycle.build_judgement_key(
             flight_of(flying(held_s=5.0), revision=4, inspected={5: "uav3"}, given_up=frozenset({1, 2}))
         ),

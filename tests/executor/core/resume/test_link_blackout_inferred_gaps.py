@@ -86,7 +86,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["its clock was reset", "its clock was reset"],
     ),
     (
-        "nobody knows where it was, or is",
+        "unknown position before and after",
         lambda: [flew(36.0, before=None), flew(36.0, fix=None), flew(36.0, was={"waypoint": 6})],
         [InferredCoverage(), InferredCoverage(), InferredCoverage()],
     ),
@@ -105,7 +105,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["", "it is 10 m off its track"],
     ),
     (
-        "how much of a leg is left",
+        "remaining part of a leg",
         lambda: [
             remaining_leg_share(board, waypoint, fix)
             for board, waypoint, fix in (
@@ -121,7 +121,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [0.6, 1.0, 0.4, 0.0, 0.647951, 0.5, 1.0],
     ),
     (
-        "how far beside a slanted leg one is",
+        "distance beside a slanted leg",
         lambda: [
             link_blackout._lateral_offset_m(SLANTED, waypoint, place_m)
             for waypoint, place_m in (

@@ -146,27 +146,27 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "what it carries is ours",
+        "our mission on board",
         lambda: compared(ITEMS),
         Found(vehicle="uav1", heard=True, seq=5, items=10, matches=(OURS,)),
     ),
     (
-        "what it carries is cut short",
+        "our mission on board, cut short",
         lambda: compared(ITEMS[:6]),
         Found(vehicle="uav1", heard=True, seq=5, items=6, matches=(Match(revision=0, alike=6, whole=False),)),
     ),
     (
-        "what it carries is more",
+        "our mission on board, with more items",
         lambda: compared((*ITEMS, ITEMS[-1])),
         Found(vehicle="uav1", heard=True, seq=5, items=11, matches=(Match(revision=0, alike=10, whole=False),)),
     ),
     (
-        "what it carries is not read",
+        "mission on board unreadable",
         lambda: compared(None, GOING),
         Found(vehicle="uav1", heard=True, seq=5, items=None, matches=()),
     ),
     (
-        "what it carries is the new mission",
+        "the new mission on board",
         lambda: compared(on_board(NEW.path), GOING),
         Found(
             vehicle="uav1",
@@ -177,7 +177,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "what it carries is a mixture",
+        "a mix of two missions on board",
         lambda: compared((*on_board(NEW.path)[:7], *ITEMS[7:]), GOING),
         Found(
             vehicle="uav1",
@@ -188,7 +188,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "what it carries where nothing was put",
+        "a mission on board where none was uploaded",
         lambda: compared(ITEMS, GOING, with_facts(GETS, board=None)),
         Found(vehicle="uav1", heard=True, seq=5, items=10, matches=(HALF,)),
     ),
@@ -269,9 +269,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(flying(heartbeat=DISARMED), found(THEIRS)),
         ([], (), (), {}, {}),
     ),
-    ("nobody knows what it carries", lambda: taken_up(flying(), found(items=None)), ([], (), (), {}, {})),
+    ("mission on board unknown", lambda: taken_up(flying(), found(items=None)), ([], (), (), {}, {})),
     (
-        "how long we were away, by its clock",
+        "length of the absence by the vehicle's clock",
         lambda: taken_up(
             flying(before=WAS),
             found(OURS),
@@ -294,7 +294,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "how long we were away, by our own",
+        "length of the absence by our own clock",
         lambda: taken_up(
             flying(before=WAS), found(OURS), absences=(GroundStationAbsence(NOW_S, 61.0, restarted=True),)
         ),
@@ -307,7 +307,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "how long we were away, by none of them",
+        "length of the absence without any clock",
         lambda: taken_up(
             flying(before=WAS), found(OURS, heard=False), absences=(GroundStationAbsence(NOW_S, 10.0, restarted=True),)
         ),

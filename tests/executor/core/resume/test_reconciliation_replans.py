@@ -106,7 +106,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "nobody knows what is on board",
+        "mission on board unknown",
         lambda: taken_up(GETS, found(seq=4), replan=GOING),
         (
             [
@@ -215,7 +215,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "at which items it stands at the end",
+        "current item at the end of its mission",
         lambda: [
             bool(taken_up(GETS, found(THEIRS, HALF, seq=seq, items=items), replan=GOING)[4].get("trigger"))
             for seq, items in ((4, 6), (5, 6), (6, 6), (0, 6), (None, 6), (5, 7))

@@ -100,7 +100,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [(0.0, 1), (4.9, 1), (10.0, 2)],
     ),
     (
-        "where a place lies on a line",
+        "position along a line",
         lambda: [
             (*LINE.locate(on_line(*place)), LINE.lateral_offset_m(on_line(*place)), LINE.length_m)
             for place in ((50.0, 3.0), (-4.0, 3.0), (112.0, -5.0), (0.0, 0.0))
@@ -120,7 +120,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("an inspection of a moment", lambda: along((0.0, 0.0, 0.0), (0.0, 96.0, 0.0)), [(0.0, 1), "flown too fast"]),
     (
-        "who is found on a line",
+        "vehicles found on a line",
         lambda: inspection_proof.join_run(LINE, PositionSample(50.0, on_line(30.0, 2.0), 5.0), 5.0),
         InspectionRun(
             furthest_m=30.0,

@@ -43,7 +43,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [12.3, 24.9493],
     ),
-    ("nobody knows where it is on its leg", lambda: legs.time_to_reach_s(flying(fix=None), 2), 38.1152),
+    ("unknown position on its leg", lambda: legs.time_to_reach_s(flying(fix=None), 2), 38.1152),
     (
         "without a mission there is no way to go",
         lambda: [
@@ -70,17 +70,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [2.66429, None],
     ),
     (
-        "what is left at the landing",
+        "charge left at the landing",
         lambda: legs.project_landing(CONTEXT, flying(), CONTEXT.vehicles["uav1"]),
         Projection(mean_pct=84.9277, sd_pct=1.65911),
     ),
     (
-        "what is left at the landing of who returns",
+        "charge left at the landing of a returning vehicle",
         lambda: legs.project_landing(CONTEXT, flying(stage=Stage.RETURNING), CONTEXT.vehicles["uav1"]),
         Projection(mean_pct=87.3001, sd_pct=1.57404),
     ),
     (
-        "what is left at the landing is not known without a place",
+        "charge left at the landing is unknown without a position",
         lambda: [
             legs.project_landing(CONTEXT, flying(stage=Stage.RETURNING, fix=None), CONTEXT.vehicles["uav1"]),
             legs.project_landing(CONTEXT, flying(battery=BatteryState()), CONTEXT.vehicles["uav1"]),
@@ -88,7 +88,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [None, None],
     ),
     (
-        "how likely the reserve is broken",
+        "probability of landing below the reserve",
         lambda: [
             legs.landing_chance_below(CONTEXT, flying(**given), CONTEXT.vehicles["uav1"], floor_pct)
             for given in ({}, {"board": None}, {"battery": BatteryState()}, {"stage": Stage.RETURNING})

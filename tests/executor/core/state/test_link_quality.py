@@ -61,12 +61,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("a link of few frames", lambda: [linked((1.0, 19, 0)).lost, linked((1.0, 19, 1)).lost], [None, 0.05]),
     (
-        "what is counted of a link",
+        "counts of a link",
         lambda: [len(linked((1.0, 19, 0), (after_s, 1, 0)).window) for after_s in (11.9, 12.0)],
         [2, 1],
     ),
     (
-        "how much worse a link is",
+        "increase in the losses of a link",
         lambda: [
             LinkQuality(lost=lost, usual=usual).worse
             for lost, usual in ((None, 0.1), (0.1, None), (0.3, 0.1), (0.1, 0.3), (1.0, 0.98))
@@ -74,7 +74,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [0.0, 0.0, 0.222222, 0.0, 0.4],
     ),
     (
-        "what a radio complains of",
+        "faults reported by a radio",
         lambda: [
             LinkQuality(radio=one).weak
             for one in (

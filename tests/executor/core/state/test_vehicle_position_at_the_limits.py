@@ -16,7 +16,7 @@ CONTEXT = FLEET.context
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "who fell",
+        "vehicles that fell",
         lambda: [
             vehicle_position.has_fallen(CONTEXT, landed(**given))
             for given in (
@@ -32,7 +32,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, True, False, True, False, True, False],
     ),
     (
-        "who sank",
+        "vehicles that sank",
         lambda: [
             vehicle_position.has_sinking_fix(landed(fix=over_pad(up_m, climbs_m_s=climbs_m_s)))
             for up_m, climbs_m_s in ((1.0, -1.2), (1.0, -1.3), (1.1, -0.3), (1.1, -0.4))
@@ -40,7 +40,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, True, False, True],
     ),
     (
-        "who rests",
+        "vehicles at rest",
         lambda: [
             vehicle_position.is_at_rest(
                 flying(
@@ -54,7 +54,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, False, False, False],
     ),
     (
-        "whose mission is over",
+        "vehicles whose mission has ended",
         lambda: [
             vehicle_position.has_mission_ended(CONTEXT, flying(**{"heartbeat": DISARMED, **given}))
             for given in (

@@ -113,7 +113,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ({"flew_mission": True, "beat_boot_s": NOW_S, "doubted": None},),
     ),
     (
-        "whom nobody doubts that says that it stands",
+        "a HEARTBEAT that reports it disarmed and is not doubted",
         lambda: [
             "doubted" in folded(flying(**given), beat(armed=False))[0]
             for given in (

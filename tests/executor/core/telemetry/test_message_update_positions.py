@@ -65,7 +65,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "what a position costs",
+        "energy between two positions",
         lambda: [
             moved(flying(fix=at(age_s=age_s), heartbeat=heartbeat), placed(up_m=20.0)).get("battery")
             for age_s, heartbeat in ((1.0, beat()), (10.0, beat()), (599.0, beat()), (600.0, beat()), (1.0, DISARMED))

@@ -22,7 +22,7 @@ from tests.executor.core.vehicles import NOW_S
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "what may be true of a place",
+        "plausible positions",
         lambda: [
             plausibility.filter_implausible(
                 Position(1.0, lat_deg, lon_deg, alt_m, rel_m, speed_m_s, 0.0, 0.0, heading_deg)
@@ -40,7 +40,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, False, False, False, False, False],
     ),
     (
-        "what may be true of a heading",
+        "plausible headings",
         lambda: [
             getattr(
                 plausibility.filter_implausible(Position(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, heading_deg)),
@@ -52,7 +52,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [0.0, None, 360.0, None],
     ),
     (
-        "what may be true of a battery",
+        "plausible battery reports",
         lambda: [
             plausibility.filter_implausible(Battery(0, percent, volts_v, current_a, consumed_ah, 1, 0, cells_v))
             for percent, volts_v, current_a, consumed_ah, cells_v in (
@@ -104,7 +104,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what may be true of a status",
+        "plausible status reports",
         lambda: [
             plausibility.filter_implausible(SystemStatus(percent, volts_v, 0, None))
             for percent, volts_v in ((0.0, 1.0), (100.0, 500.0), (-0.1, 0.9), (100.1, 1.0), (1.0, 500.1))
@@ -118,7 +118,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what may be true of an attitude",
+        "plausible attitudes",
         lambda: [
             plausibility.filter_implausible(Attitude(roll_deg, pitch_deg)) is not None
             for roll_deg, pitch_deg in ((360.0, -360.0), (360.1, 0.0), (0.0, -360.1))
@@ -126,7 +126,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, False, False],
     ),
     (
-        "what may be true of the rest",
+        "other plausible reports",
         lambda: [
             plausibility.filter_implausible(one) is not None
             for one in (

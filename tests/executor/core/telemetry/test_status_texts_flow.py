@@ -35,7 +35,7 @@ def many(count: int, severity: int, at_s: float = 100.0) -> list[tuple[float, in
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "how many warnings are shown",
+        "number of warnings shown",
         lambda: [shown(*many(count, 4)) for count in (6, 7, 8)],
         [
             [
@@ -66,10 +66,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ],
         ],
     ),
-    ("how many important texts are shown", lambda: [len(shown(*many(count, 2))) for count in (12, 13)], [12, 13]),
-    ("how many of an alarm", lambda: [len(shown(*many(count, 6), alarmed=True)) for count in (12, 13)], [12, 13]),
+    ("number of important texts shown", lambda: [len(shown(*many(count, 2))) for count in (12, 13)], [12, 13]),
     (
-        "how many of other components",
+        "number of texts of an alarm shown",
+        lambda: [len(shown(*many(count, 6), alarmed=True)) for count in (12, 13)],
+        [12, 13],
+    ),
+    (
+        "number of texts of other components shown",
         lambda: [shown(*many(count, 0), aboard=True) for count in (3, 4)],
         [
             [
@@ -86,7 +90,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what is not severe is not shown",
+        "a text of low severity is not shown",
         lambda: [shown((100.0, severity, "a"), aboard=aboard) for severity in (4, 5) for aboard in (False, True)],
         [["uav1 says: a"], ["uav1, its component 100 says: a"], [], []],
     ),

@@ -15,7 +15,7 @@ from tests.executor.core.steps import rounded
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "who speaks for a system",
+        "component that represents a system",
         lambda: [
             vehicle_identity.update_autopilot_component(known, component, Heartbeat(autopilot, 0, False, 4, kind))
             for known in (

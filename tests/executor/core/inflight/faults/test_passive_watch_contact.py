@@ -37,7 +37,7 @@ def heard(one: VehicleState, message: FlightMessage, **given: Any) -> tuple[obje
 ONCE = Degradation("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
-    ("nobody is there", lambda: dict(passive_watch.PassiveWatch().fleet.vehicles), {}),
+    ("no vehicle present", lambda: dict(passive_watch.PassiveWatch().fleet.vehicles), {}),
     (
         "it arms",
         lambda: heard(IDLE, beat(), launched_s=None),
@@ -173,7 +173,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "one with a fault says that it is disarmed",
+        "a vehicle at fault reports itself disarmed",
         lambda: heard(flying(**HOMEWARD, fault=BATTERY_FAULT, took_off=False), beat(RTL, armed=False)),
         (
             (),
@@ -190,7 +190,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "one with a fault says that it is disarmed, in its mission's mode",
+        "a vehicle at fault reports itself disarmed, in mission mode",
         lambda: heard(flying(fault=BATTERY_FAULT, took_off=False), beat(armed=False)),
         (
             (),
@@ -207,7 +207,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "one on its mission says that it is disarmed",
+        "a vehicle on its mission reports itself disarmed",
         lambda: heard(flying(took_off=False), beat(armed=False)),
         (
             (),
@@ -217,7 +217,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "what was not well at the end",
+        "degradations at the end of a log",
         lambda: passive_watch.close_degradations(watched(flying(), open={("uav1", "silence"): ONCE}), NOW_S),
         (replace(ONCE, to_s=NOW_S),),
     ),

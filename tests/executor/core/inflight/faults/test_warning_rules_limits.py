@@ -21,7 +21,7 @@ UNPLANNED = replace(PLANNED, planned=False)
 FALLS = Fault(FaultKind.INTERRUPTION, "falls", NOW_S - 9.0, FaultCode.FALLING)
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "what is missing while others come",
+        "messages missing while others arrive",
         lambda: [
             warn(name, flying(**given))
             for name, given in (
@@ -143,7 +143,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who stands on its way home",
+        "stopped on its way home",
         lambda: [
             warn("stands", flying(**{**HOMEWARD, "fix": at(up_m=2.0), "anchor": at(age_s=20.0), **given}))
             for given in (
@@ -176,7 +176,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, True],
     ),
     (
-        "who is not warned of",
+        "vehicles without warnings",
         lambda: [
             len(
                 warning_rules.find_warnings(
@@ -188,7 +188,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [0, 1, 1, 1, 1, 0, 0, 1],
     ),
     (
-        "what was said is said again after a while",
+        "a warning is repeated after a while",
         lambda: [
             warning_rules.find_new_warnings(
                 WatchView(CONTEXT, PLANNED, flying(fix=at(age_s=9.0)), False, NOW_S),
@@ -205,7 +205,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what was said is forgotten",
+        "a warning is forgotten",
         lambda: [
             warning_rules.find_new_warnings(WatchView(CONTEXT, PLANNED, flying(), False, NOW_S), told)
             for told in (

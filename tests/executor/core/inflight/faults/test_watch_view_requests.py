@@ -14,7 +14,7 @@ from tests.executor.core.vehicles import NOW_S, at, flying, pack
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "who is asked for its streams",
+        "vehicles whose streams are requested",
         lambda: [
             watch_view.list_streams_to_ask(WatchView(CONTEXT, PLANNED, flying(**given), False, NOW_S)) is not None
             for given in (

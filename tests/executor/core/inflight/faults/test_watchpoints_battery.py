@@ -248,7 +248,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what an autopilot says of its battery",
+        "battery states reported by an autopilot",
         lambda: [
             look("battery-failsafe", with_facts(SAYS, **given), setup)
             for setup in (PLANNED, UNPLANNED)
@@ -277,7 +277,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what shows a battery's failsafe",
+        "signs of a battery failsafe",
         lambda: [
             look("battery-failsafe", with_facts(SAYS, **given)) != "ok"
             for given in (
@@ -297,7 +297,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, True, False, True, True, False, True, True, True, True, False],
     ),
     (
-        "what an autopilot calls its battery",
+        "names of battery states",
         lambda: [look("battery-critical", flying(battery=pack(90.0, charge_state=state))) for state in range(8)],
         [
             "ok",
@@ -311,7 +311,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what a battery reports",
+        "battery reports",
         lambda: [
             look("battery-critical", flying(battery_faults=bits)) for bits in (1, 2, 4, 8, 16, 32, 64, 128, 256, 5)
         ],
