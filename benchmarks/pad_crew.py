@@ -53,7 +53,11 @@ class PadCrew:
 
     def _attend(self, flight: Flight, name: str, now_s: float) -> None:
         vehicle = flight.state.vehicles[name]
-        waits = turnaround.is_in_service(vehicle) and vehicle.turn.asked_s is None and bool(vehicle.turn.sorties)
+        waits = (
+            turnaround.is_in_service(flight.context, flight.state, vehicle, now_s)
+            and vehicle.turn.asked_s is None
+            and bool(vehicle.turn.sorties)
+        )
         waits = waits and not is_at_closed_base(flight.context, flight.state, vehicle)
         since_s = self._rests_s.setdefault(name, now_s) if waits else self._rests_s.pop(name, now_s)
         if name in self._changed:

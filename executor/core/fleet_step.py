@@ -240,7 +240,7 @@ def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, 
 def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Keep a vehicle whose segments were reassigned from continuing them, in the air or on the ground."""
     name = vehicle.name
-    if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
+    if vehicle.armed and vehicle.is_under_foreign_control:
         state, more = withdrawal.apply_takeover(context, state, vehicle)
         return state, (link.LOST_REGAINED.say(vehicle=name), *more)
     if vehicle.armed:
@@ -269,7 +269,7 @@ def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> St
 def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = state.vehicles[name]
     alone = state.listening.silent_since_s is not None and link_blackout.may_be_airborne(context, vehicle, now_s)
-    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
+    if vehicle.is_at_rest:
         return _check_grounded_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.LOST:
         return state, ()
@@ -289,7 +289,7 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     if told is not state.crew.told.get(name):
         state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
     commands.extend(flight.NOT_WELL.say(line=line) for line in lines)
-    ours = vehicle.stage is not Stage.PILOT and not mode_causes.is_under_foreign_control(vehicle)
+    ours = vehicle.stage is not Stage.PILOT and not vehicle.is_under_foreign_control
     if ours and (missing := watch_view.list_streams_to_ask(view)) is not None:
         vehicle = vehicle.with_orders(streams_asked_s=now_s)
         commands.append(AskStreams(name, missing))

@@ -395,7 +395,7 @@ def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState,
     turn = vehicle.turn
     if context.day is None and not turn.swaps and turn.asked_s is None:
         return None
-    on_base = vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    on_base = vehicle.is_on_base
     base, closed = landing_base_of(context, vehicle), is_at_closed_base(context, state, vehicle)
     under_way = bool(turn.sorties) and turn.sorties[-1].ended_s is None and not on_base
     sortie = len(turn.sorties) + (not under_way)

@@ -14,13 +14,13 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, turnaround
 from executor.core.ground.turnaround import PLACELESS_S
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import is_coming_home, is_on_mission
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, HandsOff, Start
 from executor.core.interface.events import Found, StartEnded, UploadEnded
 from executor.core.interface.intents import IntentReason
-from executor.core.lines import custody, replanning, sorties, takeoff
+from executor.core.lines import custody, operator, replanning, sorties, takeoff
+from executor.core.preflight.readiness import CHECKS_OUTDATED, find_obstacles
 from executor.core.replanning import survivors
 from executor.core.replanning.replan_cycle import end_replan_if_done, format_segments, has_left_mission
 from executor.core.replanning.withdrawal import declare_fault
@@ -39,7 +39,6 @@ from executor.core.state.vehicle_state import (
     build_onboard_mission,
     change_stage,
 )
-from executor.core.telemetry.message_update import CLOCK_LOSS_S
 from missions import StartStep
 from planner import segment_of
 
@@ -76,7 +75,7 @@ def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
             continue
         own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
         planned |= own
-        if vehicle.sortie.rebooted_s is not None:
+        if sorties.REBOOTED in find_obstacles(context, state, vehicle, now_s):
             commands.append(takeoff.REBOOTED.say(vehicle=vehicle.name, why=takeoff.HAS_REBOOTED))
             continue
         # On a day one after the other, each in its base's slot; and never one that others have armed.
@@ -119,7 +118,7 @@ def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, 
 
     A vehicle without a position may have rebooted, lost its settings and got another pack.
     """
-    placed, anew = has_fresh_position(context, vehicle, now_s), _describe_reboot(vehicle)
+    placed, anew = has_fresh_position(context, vehicle, now_s), _describe_reboot(context, state, vehicle, now_s)
     state, order = order_start(context, state, vehicle, now_s)
     if placed and not anew:
         return state, (order,)
@@ -190,7 +189,7 @@ def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> S
         owed_s = vehicle.orders.start_owed_s
         if owed_s is None:
             return state, ()
-        why, fix = _describe_reboot(vehicle), vehicle.motion.fix
+        why, fix = _describe_reboot(context, state, vehicle, now_s), vehicle.motion.fix
         if not why and now_s - owed_s > PLACELESS_S:
             why = takeoff.PLACELESS.format(placeless_s=PLACELESS_S)
         starts = vehicle.stage is Stage.STARTING
@@ -204,14 +203,10 @@ def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> S
     return step_each(state, tuple(state.vehicles.values()), retry)
 
 
-def _describe_reboot(vehicle: VehicleState) -> str:
+def _describe_reboot(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
     """Return why an autopilot is no longer the one that was checked or included; empty if it is."""
-    cleared_s = vehicle.orders.cleared_s or -math.inf
-    if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
-        return takeoff.HAS_REBOOTED
-    if vehicle.motion.behind_s >= CLOCK_LOSS_S and vehicle.motion.fell_back_s > cleared_s:
-        return takeoff.CLOCK_FELL_BACK
-    return ""
+    obstacles = find_obstacles(context, state, vehicle, now_s)
+    return next((words for line, (_, words) in obstacles.items() if line in CHECKS_OUTDATED), "")
 
 
 def _is_waiting_on_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
@@ -303,7 +298,7 @@ def _continue_after_upload(
 ) -> Stepped:
     """Start a vehicle at its base, or continue a start that the upload interrupted."""
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
-    if mission.fresh and event.accepted and survivors.may_take_off(context, vehicle, now_s):
+    if mission.fresh and event.accepted and operator.UNCLEARED not in find_obstacles(context, state, vehicle, now_s):
         if not sortie:
             return start_from_base(context, state, state.vehicles[vehicle.name], now_s)
         state = turnaround.record_sortie_start(state, vehicle.name, now_s)  # a turnaround checks reboots itself
@@ -365,7 +360,7 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
 def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: float) -> bool:
     """Return whether it was received since, and is under our control."""
     known, beat_s = vehicle.assignment, vehicle.link.heartbeat_s
-    if not known.stubborn or known.pending is not None or known.before is not None or is_under_foreign_control(vehicle):
+    if not known.stubborn or known.pending is not None or known.before is not None or vehicle.is_under_foreign_control:
         return False
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED, Stage.FLYING}:
         return False

@@ -14,7 +14,6 @@ from executor import supervised
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.ground import turnaround
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface import commands, events
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command
@@ -415,7 +414,7 @@ class Flight:
 
     def _may_change_fence(self, vehicle: str, mixed: bool) -> bool:
         """Return whether a fence may be changed: never while a person has the vehicle, or may have."""
-        return not is_under_foreign_control(self.state.vehicles[vehicle]) and self._may_receive_mission(vehicle, mixed)
+        return not self.state.vehicles[vehicle].is_under_foreign_control and self._may_receive_mission(vehicle, mixed)
 
     async def _start(self, vehicle: str) -> Event:
         done = await procedures.arm_and_start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)

@@ -61,7 +61,7 @@ def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, 
         state, more = withdraw_vehicle(state.put(left), vehicle.name, f"{vehicle.name}: {why}", now_s)
         return state, (*more, SendHome(vehicle.name))  # instead of its start
     plan = state.replanning.replan
-    if vehicle.stage not in {Stage.GROUND, Stage.LANDED} or plan is None or vehicle.name not in plan.pending:
+    if not vehicle.is_on_base or plan is None or vehicle.name not in plan.pending:
         return state, ()
     return replan_cycle.release_vehicle(state, plan, vehicle.name, why, now_s)
 

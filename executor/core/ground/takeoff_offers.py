@@ -8,7 +8,8 @@ from dataclasses import replace
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Level
-from executor.core.lines import sorties
+from executor.core.lines import operator, sorties
+from executor.core.preflight.readiness import CHECKS_OUTDATED, find_obstacles
 from executor.core.replanning import lower_to_inspection_height, replan_cycle, replan_separation, survivors
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
 from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
@@ -20,18 +21,16 @@ LANDING_S = 180.0
 
 
 def is_idle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle is ready on its pad with nothing to do."""
-    never = vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
-    well = vehicle.fault is None or (vehicle.stage is Stage.LANDED and vehicle.fault.kind in MAY_FLY_AGAIN)
-    out = not well or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
-    busy = vehicle.turn.asked_s is not None or vehicle.assignment.pending is not None
-    if out or busy or never or vehicle.stage not in survivors.ON_GROUND:
+    """Return whether a vehicle is ready on its pad with nothing to do, and needs only the crew's include."""
+    if not vehicle.is_on_base:
         return False
-    if not survivors.is_heard(context, vehicle, now_s):
-        return False
-    return not survivors.find_takeoff_obstacles(context, state, vehicle)
+    found = find_obstacles(context, state, vehicle, now_s).keys() - _INCLUDE_ENDS
+    returned = vehicle.stage is Stage.LANDED and vehicle.fault is not None and vehicle.fault.kind in MAY_FLY_AGAIN
+    return not (found - {operator.AT_FAULT} if returned else found)
 
 
+_INCLUDE_ENDS = CHECKS_OUTDATED | {operator.UNCLEARED, operator.WITH_PILOT}
+"""Reasons that an include removes."""
 MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
 """Faults after which a vehicle that its failsafe brought back to its pad may fly again, only on the crew's include."""
 

@@ -24,13 +24,13 @@ from executor.core.ground.out_of_service import (
     find_vehicles_at_base,
     return_to_service,
 )
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.commands import Command, Examine, Level, Solve
 from executor.core.interface.events import Examined, SolveEnded
 from executor.core.interface.intents import Intent, IntentReason, Outcome, Reason, fill_in
 from executor.core.lines import operator, sorties
 from executor.core.preflight import vehicle_checks
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
+from executor.core.preflight.readiness import AWAY, OUT_OF_SERVICE, find_obstacles
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.bases import base_of, find_planned_landing, is_at_closed_base, place_vehicles, settle_at_base
@@ -68,7 +68,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         line = sorties.PARAMETERS_SET if rebooted else sorties.PARAMETERS_MOVED
         said = line.say(vehicle=vehicle.name, changes="; ".join(event.changed))
         return state, (said, Examine(vehicle.name, sets=True))
-    if why := _describe_unreadiness(context, state, vehicle, event):
+    if why := _describe_unreadiness(context, state, vehicle, event, now_s):
         return end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
     claimed_pct, parameters = event.remaining_pct or 0.0, dict(event.parameters)
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
@@ -138,7 +138,7 @@ def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded
 def queue_first_sorties(context: Context, state: FleetState, now_s: float) -> FleetState:
     """Return the state at a day's launch: the confirmation clears every first sortie that may begin now."""
     for vehicle in state.vehicles.values():
-        stays = vehicle.armed or vehicle.sortie.rebooted_s is not None
+        stays = vehicle.armed or sorties.REBOOTED in find_obstacles(context, state, vehicle, now_s)
         flies = find_next_sortie(state, vehicle) and not stays
         if flies and not describe_hours_conflict(context, state, vehicle, now_s):
             state = state.put(vehicle.with_turn(asked_s=now_s, ready_s=now_s))
@@ -172,8 +172,9 @@ def find_awaited_vehicles(context: Context, state: FleetState, now_s: float) -> 
         stock = pack_count.count_packs(context, state, vehicle.name, now_s)
         if stock is not None and stock.exhausted:
             return False
-        work = is_in_service(vehicle) and bool(find_next_sortie(state, vehicle) or open_ - vehicle.turn.beyond)
-        return work and not _is_done_for_day(context, state, vehicle, now_s)
+        work = bool(find_next_sortie(state, vehicle) or open_ - vehicle.turn.beyond)
+        serves = work and is_in_service(context, state, vehicle, now_s)
+        return serves and not _is_done_for_day(context, state, vehicle, now_s)
 
     return tuple(
         name
@@ -187,10 +188,9 @@ def _is_done_for_day(context: Context, state: FleetState, vehicle: VehicleState,
     return later_s is None and min_draw_pct(context, left_s) < LEAST_SPARE_PCT
 
 
-def is_in_service(vehicle: VehicleState) -> bool:
+def is_in_service(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle at its base needs only a pack, or its base opened, for another sortie."""
-    out = vehicle.fault is not None or vehicle.orders.excluded or vehicle.custody.taken is not None
-    return vehicle.stage in survivors.ON_GROUND and not out and not vehicle.armed
+    return not find_obstacles(context, state, vehicle, now_s).keys() & OUT_OF_SERVICE
 
 
 def find_unplanned_segments(context: Context, state: FleetState) -> frozenset[int]:
@@ -211,7 +211,7 @@ def find_next_sortie(state: FleetState, vehicle: VehicleState) -> tuple[int, ...
 
 def describe_awaited_sortie(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
     """Return what a vehicle at its base waits for; empty if the day has nothing for it."""
-    if context.day is None or state.progress.launched_s is None or not is_in_service(vehicle):
+    if context.day is None or state.progress.launched_s is None or not is_in_service(context, state, vehicle, now_s):
         return ""
     if is_at_closed_base(context, state, vehicle):
         return sorties.BASE_CLOSED[1]
@@ -233,7 +233,7 @@ def describe_hours_conflict(context: Context, state: FleetState, vehicle: Vehicl
     In its last hours part of the sortie is flown, as far as time permits.
     """
     left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
-    visits = find_next_visits(context, state, vehicle)
+    visits = find_next_visits(context, state, vehicle, now_s)
     lasts_s = _estimate_sortie(context, vehicle, visits)[0] if visits and math.isfinite(left_s) else 0.0
     part = later_s is None and min_draw_pct(context, left_s) >= LEAST_SPARE_PCT
     if part or 0.0 < lasts_s <= left_s or (not lasts_s and left_s > 0.0):
@@ -244,14 +244,16 @@ def describe_hours_conflict(context: Context, state: FleetState, vehicle: Vehicl
     return sorties.NOT_IN_NEXT_HOURS.format(lasts=lasts, later=format_duration(later_s))
 
 
-def _describe_unreadiness(context: Context, state: FleetState, vehicle: VehicleState, event: Examined) -> str:
+def _describe_unreadiness(
+    context: Context, state: FleetState, vehicle: VehicleState, event: Examined, now_s: float
+) -> str:
     """Return why a vehicle may not fly with any pack; empty if it may."""
-    setup, obstacles = context.vehicles[vehicle.name], survivors.find_takeoff_obstacles(context, state, vehicle)
+    setup, obstacles = context.vehicles[vehicle.name], find_obstacles(context, state, vehicle, now_s)
     if not event.ready or event.remaining_pct is None:
         return event.reason or sorties.NO_BATTERY_STATE
-    for code in (IntentReason.OFF_PAD, IntentReason.TILTED):
-        if code in obstacles:
-            return obstacles[code][1]
+    for line in (operator.OFF_PAD, operator.TILTED):
+        if line in obstacles:
+            return obstacles[line][1]
     if event.changed:
         return sorties.PARAMETERS_DIFFER.format(change=event.changed[0])
     own = read_link_failsafe(setup.dialect, dict(event.parameters))
@@ -336,18 +338,17 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
 
 def _find_end_reason(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Reason | None:
     """Return why the clearance of a vehicle no longer holds; None if it does."""
-    turn = vehicle.turn
-    if state.progress.recalled:
+    turn, obstacles = vehicle.turn, find_obstacles(context, state, vehicle, now_s)
+    if operator.ABORTED in obstacles:
         return operator.ABORTED
-    if is_at_closed_base(context, state, vehicle):
+    if operator.BASE_CLOSED in obstacles:
         return sorties.BASE_CLOSED
-    elsewhere = vehicle.stage not in survivors.ON_GROUND or vehicle.armed
-    if elsewhere or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
+    if obstacles.keys() & (AWAY | {operator.WITH_PILOT, operator.OUT_OF_PLAN}):
         return fill_in(sorties.ELSEWHERE, stage=vehicle.stage.value)
     if turn.ready_s is None:
         late = now_s - (turn.asked_s or now_s) > READY_S + LATE_S
         return sorties.UNFINISHED if late else None
-    if (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
+    if sorties.REBOOTED in obstacles:
         return sorties.REBOOTED
     if now_s - max(turn.ready_s, _last_position_s(vehicle)) > PLACELESS_S:
         return fill_in(sorties.PLACELESS, placeless_s=PLACELESS_S)
@@ -381,7 +382,7 @@ def _assign_next_sortie(
     offer, pool = survivors.build_pad_survivor(context, state, vehicle), find_unplanned_segments(context, state)
     visits, said = find_next_sortie(state, vehicle), list[Command]()
     pool -= set(offer.barred) | vehicle.turn.beyond
-    if not visits and not pool and (found := find_sortie_to_take_over(context, state, vehicle)):
+    if not visits and not pool and (found := find_sortie_to_take_over(context, state, vehicle, now_s)):
         giver, visits = found
         ahead = state.vehicles[giver].turn.ahead
         kept = tuple(sortie for sortie in ahead if not set(visits) & set(sortie.visits))
@@ -419,17 +420,17 @@ def _assign_next_sortie(
     return state, (*said, line.say(trigger=trigger, segments=count, to=to), solve)
 
 
-def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
+def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[int, ...]:
     """Return the planned visits a vehicle would fly next: its own sortie, or one it takes over."""
     visits = find_next_sortie(state, vehicle)
     if visits or context.day is None:
         return visits
-    found = find_sortie_to_take_over(context, state, vehicle)
+    found = find_sortie_to_take_over(context, state, vehicle, now_s)
     return () if found is None else found[1]
 
 
 def find_sortie_to_take_over(
-    context: Context, state: FleetState, vehicle: VehicleState
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float
 ) -> tuple[str, tuple[int, ...]] | None:
     """Return a sortie that a vehicle without one can take over: its owner, the one with most ahead, and open visits.
 
@@ -439,7 +440,7 @@ def find_sortie_to_take_over(
     offer, setup = survivors.build_pad_survivor(context, state, vehicle), current_setup_of(context, vehicle)
     full_pct = max(offer.budget_pct, setup.budget_pct)
     for ahead, giver in sorted(givers, key=lambda row: (-len(row[0]), row[1].name)):
-        if len(ahead) <= is_in_service(giver):
+        if len(ahead) <= is_in_service(context, state, giver, now_s):
             continue
         visits = ahead[-1]
         barred = {segment_of(visit) for visit in visits} & set(offer.barred)

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.lines import pictures
 from executor.core.payload.camera_state import CameraRecord
 from executor.core.replanning.survivors import find_barred_segments
@@ -54,7 +53,7 @@ def check_cameras(context: Context, state: FleetState, now_s: float) -> Stepped:
 def _check_vehicle_cameras(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = _track_camera_work(context, state.vehicles[name], now_s)
     state = state.put(vehicle)
-    if not _is_on_leg(vehicle) or vehicle.fault is not None or vehicle.link.stale or is_under_foreign_control(vehicle):
+    if not _is_on_leg(vehicle) or vehicle.fault is not None or vehicle.link.stale or vehicle.is_under_foreign_control:
         return state, ()
     for capture in () if vehicle.leg is None else vehicle.leg.captures:
         if capture.camera in vehicle.payload.broken:

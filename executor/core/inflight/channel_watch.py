@@ -12,7 +12,6 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.formatting import join_first_names
-from executor.core.inflight.custody import mode_causes
 from executor.core.interface.codes import ChannelCode
 from executor.core.interface.commands import AskStreams, Command
 from executor.core.lines import link
@@ -174,7 +173,7 @@ def _follow_channel(
 
 def _must_change_streams(vehicle: VehicleState, step: int) -> bool:
     """Return whether a vehicle's streams differ from those decided, and may be requested now."""
-    ours = vehicle.stage is not Stage.PILOT and not mode_causes.is_under_foreign_control(vehicle)
+    ours = vehicle.stage is not Stage.PILOT and not vehicle.is_under_foreign_control
     return vehicle.orders.stream_step != step and ours and not vehicle.link.stale and vehicle.orders.errand is None
 
 

@@ -16,7 +16,6 @@ from operator import itemgetter
 import numpy as np
 
 from executor.core.context import Context
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import SINKS_M_S, is_coming_home, is_on_mission
 from executor.core.interface.commands import ChangeSpeed, Command
 from executor.core.lines import speed
@@ -179,7 +178,7 @@ def _is_on_our_mission(context: Context, vehicle: VehicleState) -> bool:
     flies = vehicle.stage is Stage.FLYING and vehicle.orders.held_s is None and vehicle.fault is None
     leg = vehicle.leg
     level = leg is not None and leg.phase not in {Phase.TAKEOFF, Phase.LAND}
-    ours = vehicle.custody.cause is ModeCause.OURS and not is_under_foreign_control(vehicle)
+    ours = vehicle.custody.cause is ModeCause.OURS and not vehicle.is_under_foreign_control
     carries_ours = not vehicle.assignment.carried.may_be_foreign()
     return flies and level and ours and carries_ours and is_on_mission(context, vehicle)
 

@@ -17,7 +17,6 @@ from executor.core.inflight.custody.mode_causes import (
     is_failsafe_in_hold,
     is_holding,
     is_long_hold,
-    is_under_foreign_control,
 )
 from executor.core.interface.commands import Command, LandNow, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
@@ -76,7 +75,7 @@ def _is_over_pad(context: Context, vehicle: VehicleState) -> bool:
 def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> HomingAdvice:  # noqa: C901, PLR0911 - one return a reason
     """Return what to do about a vehicle that should no longer fly its mission."""
     errand = vehicle.orders.errand or HomingOrder(now_s)
-    if is_under_foreign_control(vehicle):  # confirmed or not: a command that takes it changes the cause
+    if vehicle.is_under_foreign_control:  # confirmed or not: a command that takes it changes the cause
         return "leave", custody.WITH_PILOT
     text, said_s = vehicle.telemetry.alarm
     if is_kill_switch_text(text) and now_s - said_s < STOPPED_S and not errand.force:

@@ -7,7 +7,6 @@ import math
 from executor.core.battery import account
 from executor.core.battery.pack_condition import assess_resting_pack
 from executor.core.context import Context, RelaunchPolicy
-from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.inflight.homing import is_coming_home
 from executor.core.interface.commands import Level
 from executor.core.lines import landing
@@ -26,7 +25,7 @@ from executor.core.state.vehicle_position import (
 )
 from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState, change_stage
 from executor.core.telemetry.battery_reports import pack_facts_of
-from missions.autopilots.dialect import mode_name
+from missions.autopilots.dialect import is_manual_mode, mode_name
 
 SEEN_AFTER_S = 0.5
 """Time after disarming from which a position shows the place on the ground."""
@@ -85,7 +84,7 @@ def apply_touchdown(
         return state, (landing.REBOOTED_ON_PAD.say(vehicle=vehicle.name, left=left),)
     place = stays = ""
     # A mode only a person flies in is reported where no crew is asked before the next take-off.
-    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
+    mode, manual = vehicle.mode, is_manual_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
     if context.fly_again is RelaunchPolicy.AUTO and mode is not None and manual:
         stays = landing.STAYS_ON_GROUND.format(mode=mode_name(context.vehicles[vehicle.name].dialect, mode))
     if not is_over_pad(context, vehicle):

@@ -49,6 +49,7 @@ BASE_CLOSED = IntentReason.BASE_CLOSED, "its base is closed"
 ELSEWHERE = IntentReason.OVERTAKEN, "it is {stage} now"
 AWAY_MEANWHILE = "its turnaround was under way when the ground station went offline"
 REBOOTED = IntentReason.NOT_READY, takeoff.HAS_REBOOTED
+CLOCK_FELL_BACK = IntentReason.NOT_READY, takeoff.CLOCK_FELL_BACK
 PLACELESS = IntentReason.NOT_READY, "no position for {placeless_s:g} s: it may have rebooted since its checks"
 UNFINISHED = IntentReason.UNANSWERED, "its checks did not finish"
 EXPIRED_CLEARANCE = (

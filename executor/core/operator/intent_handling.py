@@ -12,7 +12,7 @@ from executor.core.ground import out_of_service, pack_count, takeoff_offers, tur
 from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
-from executor.core.inflight.custody.mode_causes import is_holding, is_under_foreign_control
+from executor.core.inflight.custody.mode_causes import is_holding
 from executor.core.inflight.homing import bring_home, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
@@ -22,7 +22,6 @@ from executor.core.operator import intent_refusals
 from executor.core.operator.intent_refusals import PendingIntent
 from executor.core.replanning import replan_cycle, withdrawal
 from executor.core.replanning.replan_cycle import format_segments
-from executor.core.replanning.survivors import ON_GROUND
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
 from executor.core.state.fleet_state import CountedPacks, FleetState, Stepped
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
@@ -147,7 +146,7 @@ def _land(pending: PendingIntent) -> _IntentResult:
 
 def _exclude(pending: PendingIntent) -> _IntentResult:
     vehicle = pending.vehicle.with_orders(excluded=True)
-    if vehicle.stage in {*ON_GROUND, Stage.DOWN}:
+    if vehicle.is_at_rest:
         given = vehicle.assignment.pending is not None
         state = pending.state.put(vehicle.with_orders(cleared_s=None).with_assignment(pending=None))
         if not given:
@@ -214,9 +213,9 @@ def _swap(pending: PendingIntent) -> _IntentResult:
 
 
 def _close(pending: PendingIntent) -> _IntentResult:
-    base, away = pending.intent.base, {*ON_GROUND, Stage.DOWN, Stage.LOST}
+    base = pending.intent.base
     vehicles = out_of_service.find_vehicles_at_base(pending.context, pending.state, base)
-    aloft = ", ".join(vehicle.name for vehicle in vehicles if vehicle.stage not in away)
+    aloft = ", ".join(one.name for one in vehicles if not one.is_at_rest and one.stage is not Stage.LOST)
     state, told = out_of_service.close_base(pending.context, pending.state, base, pending.now_s)
     text = operator.BASE_IS_CLOSED + (operator.STILL_TO_LAND.format(vehicles=aloft) if aloft else "")
     return _IntentResult(state, text, told, level=Level.WARNING)
@@ -291,7 +290,7 @@ def recall_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
     if state.replanning.replan is not None and state.replanning.replan.solve_s is None:
         commands.append(CancelSolve(state.replanning.replan.solve.revision))
     for vehicle in state.vehicles.values():
-        if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and is_under_foreign_control(vehicle)):
+        if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and vehicle.is_under_foreign_control):
             commands.append(operator.PILOT_NOT_RECALLED.say(vehicle=vehicle.name))
         elif vehicle.stage in _ON_MISSION:
             state, more = _send_vehicle_home(context, state, vehicle, now_s)

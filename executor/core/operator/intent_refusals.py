@@ -15,12 +15,10 @@ from executor.core.ground.out_of_service import list_bases
 from executor.core.ground.takeoff_offers import find_open_segments, is_offered_reinspection
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.intents import BEFORE_FLIGHT, FOR_ALL, FOR_BASE, Action, Intent, Reason, fill_in
 from executor.core.lines import operator
+from executor.core.preflight.readiness import find_obstacles
 from executor.core.replanning import replan_cycle, survivors
-from executor.core.replanning.survivors import ON_GROUND, find_takeoff_obstacles
-from executor.core.state.bases import is_at_closed_base
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_position import describe_position
 from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
@@ -31,7 +29,6 @@ LINE_DISTANCE_M = 12.0
 """Distance to the line below which no landing is commanded: wires sag and swing, and pylons are 5 to 10 m wide."""
 PAD_DISTANCE_M = 4.0
 """Distance to another vehicle's pad below which no landing is commanded."""
-_DOWN_OR_AT_REST = ON_GROUND | {Stage.DOWN}
 _COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND})
 
 
@@ -103,7 +100,7 @@ def build_confirmation_question(context: Context, state: FleetState, intent: Int
         return operator.MAY_SWAP.format(vehicle=vehicle.name, installed=installed.format(pack=intent.pack))
     if intent.action is Action.INCLUDE and vehicle.stage is not Stage.PILOT:
         return operator.MAY_INCLUDE.format(vehicle=vehicle.name)
-    if intent.action in _COMMANDING and is_under_foreign_control(vehicle):
+    if intent.action in _COMMANDING and vehicle.is_under_foreign_control:
         return operator.MAY_TAKE_CONTROL.format(vehicle=vehicle.name)
     return ""
 
@@ -126,11 +123,8 @@ def _object_to_count(pending: PendingIntent) -> Reasons:
 
 
 def _object_to_silence(pending: PendingIntent) -> Reasons:
-    heard_s = pending.vehicle.link.heard_s
-    if heard_s is None:
-        yield operator.NEVER_HEARD
-    elif pending.now_s - heard_s >= pending.context.limits.link_stale_s:
-        yield pending.refuse(operator.LINK_STALE, age_s=pending.now_s - heard_s)
+    obstacles = find_obstacles(pending.context, pending.state, pending.vehicle, pending.now_s)
+    yield from map(obstacles.get, (operator.NEVER_HEARD, operator.LINK_STALE))
 
 
 def _object_to_hold(pending: PendingIntent) -> Reasons:
@@ -158,7 +152,7 @@ def _object_to_return(pending: PendingIntent) -> Reasons:
     vehicle = pending.vehicle
     comes_home = vehicle.stage is Stage.RETURNING and homing.is_coming_home(pending.context, vehicle)
     yield comes_home and operator.RETURNING
-    yield vehicle.stage in _DOWN_OR_AT_REST and operator.ON_GROUND
+    yield vehicle.is_at_rest and operator.ON_GROUND
     yield vehicle.stage is Stage.LOST and operator.LINK_LOST
 
 
@@ -191,16 +185,14 @@ def _object_to_inclusion(pending: PendingIntent) -> Reasons:
     if vehicle.stage is Stage.PILOT:
         yield from _object_to_inclusion_from_pilot(pending)
         return
-    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and pending.refuse(operator.NOT_AT_REST)
-    yield state.progress.recalled and operator.ABORTED
-    yield from _object_to_silence(pending)
-    obstacles = find_takeoff_obstacles(context, state, vehicle)
-    yield from (obstacles.get(code) for code in (operator.TILTED[0], operator.BASE_CLOSED[0]))
+    obstacles = find_obstacles(context, state, vehicle, pending.now_s)
+    yield from map(obstacles.get, (operator.NOT_AT_REST, operator.ABORTED, operator.NEVER_HEARD, operator.LINK_STALE))
+    yield from map(obstacles.get, (operator.TILTED, operator.BASE_CLOSED))
     yield (vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None) and operator.CLEARED
     in_plan = vehicle.fault is None and not vehicle.orders.excluded and not vehicle.assignment.stubborn
     wanted = not in_plan or find_open_segments(context, state) or is_offered_reinspection(state, vehicle)
     yield not wanted and operator.IN_PLAN
-    yield from obstacles.values()
+    yield from map(obstacles.get, (operator.OFF_PAD, operator.BATTERY_LOW))
 
 
 def _object_to_inclusion_from_pilot(pending: PendingIntent) -> Reasons:
@@ -213,13 +205,11 @@ def _object_to_inclusion_from_pilot(pending: PendingIntent) -> Reasons:
 def _object_to_swap(pending: PendingIntent) -> Reasons:
     context, state, vehicle = pending.context, pending.state, pending.vehicle
     yield vehicle.stage is Stage.PILOT and operator.WITH_PILOT
-    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and pending.refuse(operator.NOT_AT_REST)
-    yield vehicle.link.heard_s is None and operator.NEVER_HEARD
-    yield state.progress.recalled and operator.ABORTED
-    yield is_at_closed_base(context, state, vehicle) and operator.BASE_CLOSED
-    yield vehicle.turn.asked_s is not None and operator.SWAPPING
+    obstacles = find_obstacles(context, state, vehicle, pending.now_s)
+    yield from map(obstacles.get, (operator.NOT_AT_REST, operator.NEVER_HEARD, operator.ABORTED))
+    yield from map(obstacles.get, (operator.BASE_CLOSED, operator.SWAPPING))
     yield (vehicle.assignment.pending is not None or vehicle.orders.cleared_s is not None) and operator.CLEARED
-    open_ = turnaround.find_next_visits(context, state, vehicle) or (
+    open_ = turnaround.find_next_visits(context, state, vehicle, pending.now_s) or (
         find_open_segments(context, state)
         if context.day is None
         else turnaround.find_unplanned_segments(context, state) - vehicle.turn.beyond

@@ -175,7 +175,7 @@ def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozens
     if Stage.RETURNING in stages and context.fly_again is RelaunchPolicy.AUTO:
         return state, ()
     state = replace(state, coverage=set_aside_segments(context, state.coverage, alone)).with_replanning(urgent=False)
-    line = replanning.NOBODY_ALOFT if stages & survivors.ON_GROUND else replanning.NOBODY_LEFT
+    line = replanning.NOBODY_ALOFT if stages & {Stage.GROUND, Stage.LANDED} else replanning.NOBODY_LEFT
     return state, (line.say(segments=format_segments(context, alone)),)
 
 

@@ -49,7 +49,6 @@ ROUNDING_M = 0.05
 
 Routes = Mapping[str, tuple[int, ...]]
 _ON_MISSION = frozenset({Stage.STARTING, Stage.FLYING})
-_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
 
 
 def may_leave_layers(context: Context) -> bool:
@@ -135,7 +134,7 @@ def _find_return_airway(context: Context, vehicle: VehicleState, now_s: float) -
 def _find_remaining_airway(context: Context, vehicle: VehicleState) -> Airway | None:
     """Return the path ahead on the missions a vehicle has, or may have, on board; None for one on the ground."""
     board, sent_path = vehicle.assignment.board, vehicle.assignment.sent_path
-    if board is None or vehicle.stage in _ON_GROUND:
+    if board is None or vehicle.is_at_rest:
         return None
     left = _build_airway_ahead(context, vehicle, board.path)
     return left if sent_path is None else _join_airways(left, _build_airway_ahead(context, vehicle, sent_path))

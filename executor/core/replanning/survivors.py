@@ -6,14 +6,11 @@ import math
 from dataclasses import replace
 
 from executor.core.battery import account
-from executor.core.battery.pack_condition import LEAST_SPARE_PCT
 from executor.core.context import Context, RelaunchPolicy
-from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.interface.commands import Survivor
-from executor.core.interface.intents import IntentReason, Reason, fill_in
 from executor.core.lines import operator
+from executor.core.preflight.readiness import find_obstacles, is_heard
 from executor.core.state import legs
-from executor.core.state.bases import is_at_closed_base
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat
@@ -23,11 +20,12 @@ from missions.autopilots.dialect import is_mission_mode
 from missions.geometry import locate_on_leg
 from planner import segment_of
 
-ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 QUANTUM_PCT = 1.0
 """Largest excess of a reported percentage, in whole percent."""
 BESIDE_M = 5.0
 """Lateral distance beyond cut corners and position errors."""
+_STAYS = frozenset({operator.TILTED, operator.BASE_CLOSED, operator.UNCLEARED})
+"""Reasons to plan without a vehicle on the ground; its budget says how much its battery holds."""
 
 
 def find_barred_segments(context: Context, fleet: FleetState, vehicle: VehicleState) -> frozenset[int]:
@@ -61,27 +59,6 @@ def is_gone(context: Context, vehicle: VehicleState) -> bool:
     return vehicle.fault is not None or vehicle.orders.excluded or left or stays
 
 
-def find_takeoff_obstacles(context: Context, fleet: FleetState, vehicle: VehicleState) -> dict[IntentReason, Reason]:
-    """Return by code the obstacles to a take-off from the ground, the most important first."""
-    setup, fix, left_pct = current_setup_of(context, vehicle), vehicle.motion.fix, vehicle.power.battery.remaining_pct
-    found: list[Reason] = []
-    if vehicle.sensors.tilted_since_s is not None:
-        found.append(operator.TILTED)
-    if is_at_closed_base(context, fleet, vehicle):
-        found.append(operator.BASE_CLOSED)
-    if fix is None or setup.pad_distance_m(fix.place_m) > context.limits.off_pad_m:
-        found.append(operator.OFF_PAD)
-    if left_pct is None or left_pct < setup.reserve_pct + LEAST_SPARE_PCT:
-        left = "unknown" if left_pct is None else f"{left_pct:.0f} %"
-        found.append(fill_in(operator.BATTERY_LOW, left=left, reserve_pct=setup.reserve_pct))
-    return {code: (code, words) for code, words in found}
-
-
-def is_heard(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle is received now."""
-    return vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
-
-
 def is_out_of_plan(vehicle: VehicleState) -> bool:
     """Return whether a vehicle gets no segments until the crew, or the vehicle itself, changes that."""
     orders, known = vehicle.orders, vehicle.assignment
@@ -101,9 +78,8 @@ def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now
     heard = is_heard(context, state, now_s) and not state.link.stale
     if is_out_of_plan(state) or not heard or state.power.battery.remaining_pct is None:
         return None
-    if state.stage in ON_GROUND:
-        stays = find_takeoff_obstacles(context, fleet, state).keys() & {IntentReason.TILTED, IntentReason.BASE_CLOSED}
-        if stays or not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
+    if state.is_on_base:
+        if find_obstacles(context, fleet, state, now_s, within_s=PLANNED_WITHIN_S).keys() & _STAYS:
             return None
         return build_pad_survivor(context, fleet, state)
     board, fix, setup = state.assignment.board, state.motion.fix, context.setup
@@ -141,7 +117,7 @@ def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
     if vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.held_s is not None:
         return False
     if not offer.airborne:
-        return vehicle.stage in ON_GROUND
+        return vehicle.is_on_base
     if vehicle.custody.cause is not ModeCause.OURS:
         return False  # it has just left its mission, by a failsafe or a person
     board, waypoint = vehicle.assignment.board, vehicle.assignment.waypoint
@@ -157,17 +133,6 @@ def _is_flying_mission(context: Context, state: VehicleState, now_s: float) -> b
     if beat is None or not has_fresh_heartbeat(context, state, now_s):
         return False
     return state.stage is Stage.STARTING or is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
-
-
-def may_take_off(context: Context, vehicle: VehicleState, now_s: float, within_s: float = CLEARED_S) -> bool:
-    """Return whether a vehicle on the ground may take off: cleared recently, or no clearance needed.
-
-    A clearance is needed if a mode only a person flies in was set since it landed.
-    """
-    held = vehicle.stage is Stage.LANDED and is_in_manual_mode(context, vehicle)
-    if context.fly_again is RelaunchPolicy.AUTO and not held:
-        return True
-    return vehicle.orders.cleared_s is not None and now_s - vehicle.orders.cleared_s <= within_s
 
 
 def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:

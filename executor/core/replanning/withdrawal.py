@@ -46,7 +46,7 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
         stage, then = Stage.DOWN, describe_last_position(context, vehicle, now_s)
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
-    elif mode_causes.is_under_foreign_control(vehicle):
+    elif vehicle.is_under_foreign_control:
         stage, then = Stage.PILOT, custody.WITH_PILOT
     elif vehicle.stage is Stage.STARTING and not vehicle.sortie.took_off:
         stage, then, commands = Stage.RETURNING, replanning.DISARM, (Disarm(vehicle.name, force=False),)
@@ -113,7 +113,7 @@ def withdraw_vehicle(state: FleetState, name: str, trigger: str, now_s: float) -
 
 def apply_takeover(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Release a vehicle that a person has taken; its segments are reserved for it for a while."""
-    on_ground = vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    on_ground = vehicle.is_on_base
     had_work = vehicle.stage in {Stage.FLYING, Stage.STARTING} and bool(vehicle.remaining_visits())
     # Another station's mission is flown in the same mode as ours.
     since_s = max(vehicle.telemetry.mode_since_s, vehicle.assignment.carried.foreign_s or 0.0)

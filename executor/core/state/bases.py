@@ -24,13 +24,13 @@ def base_of(context: Context, vehicle: VehicleState) -> str:
 
 def landing_base_of(context: Context, vehicle: VehicleState) -> str:
     """Return the base where a vehicle's mission ends; for one without a mission, the base where it stands."""
-    idle = vehicle.stage in {Stage.GROUND, Stage.LANDED} and vehicle.turn.asked_s is None
+    idle = vehicle.is_on_base and vehicle.turn.asked_s is None
     return (not idle and vehicle.turn.lands_at) or base_of(context, vehicle)
 
 
 def is_at_closed_base(context: Context, state: FleetState, vehicle: VehicleState) -> bool:
     """Return whether the base of a vehicle's next take-off is closed: where it stands, or will land."""
-    stands = vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.STARTING}
+    stands = vehicle.is_on_base or vehicle.stage is Stage.STARTING
     return (base_of if stands else landing_base_of)(context, vehicle) in state.crew.closed_bases
 
 

@@ -200,6 +200,16 @@ class VehicleState:
         return self.stage in IN_THE_AIR or (self.stage is Stage.STARTING and self.armed)
 
     @property
+    def is_on_base(self) -> bool:
+        """Whether it is on the ground where it may take off, as far as known."""
+        return self.stage in {Stage.GROUND, Stage.LANDED}
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it is on the ground, on its base or elsewhere."""
+        return self.is_on_base or self.stage is Stage.DOWN
+
+    @property
     def armed(self) -> bool:
         """Whether its last HEARTBEAT reported it armed."""
         return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.armed
@@ -213,6 +223,11 @@ class VehicleState:
     def is_critical(self) -> bool:
         """Whether its last HEARTBEAT reported an active failsafe."""
         return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.system_status >= CRITICAL
+
+    @property
+    def is_under_foreign_control(self) -> bool:
+        """Whether a person controls it, or may: nothing is commanded then."""
+        return self.custody.taken is not None or (self.armed and self.custody.cause is vehicle_parts.ModeCause.PERSON)
 
     @property
     def leg(self) -> Waypoint | None:

@@ -274,7 +274,7 @@ def determine_mode_cause(  # noqa: PLR0911 - one return for each cause
     dialect, mode = context.vehicles[vehicle.name].dialect, vehicle.mode
     if mode is None:
         return ModeCause.OURS
-    if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not has_never_landed(context, vehicle):
+    if vehicle.is_on_base and not has_never_landed(context, vehicle):
         # It armed without a command of ours, or its start was withdrawn too late.
         return ModeCause.OURS if may_arm_late(vehicle, now_s) else ModeCause.PERSON
     if is_manual_mode(dialect, mode):
@@ -532,16 +532,6 @@ def is_gcs_absence_failsafe(
         return False  # received on its mission since: its failsafe would have acted or held by then
     acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
     return acted and since_s >= began_s and now_s - away.until_s <= REACTS_S
-
-
-def is_under_foreign_control(vehicle: VehicleState) -> bool:
-    """Return whether a person controls it, or may: nothing is commanded then."""
-    return vehicle.custody.taken is not None or (vehicle.armed and vehicle.custody.cause is ModeCause.PERSON)
-
-
-def is_in_manual_mode(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether its mode is one only a person flies in."""
-    return is_manual_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_taken_over(vehicle: VehicleState, now_s: float) -> bool:

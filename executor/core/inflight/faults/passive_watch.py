@@ -244,13 +244,12 @@ def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:
         groups = told.declared | {_group_of(one) for one, _ in declared}
         state = state.with_reports(name, replace(told, declared=groups))
         found += (DeclaredFault(name, point.kind, point.name, why, now_s) for point, why in declared)
-        if looks and (open_ or vehicle.stage not in _DOWN):
+        if looks and (open_ or not vehicle.is_on_base):
             found += update_degradations(WatchView(scene, scene.vehicles[name], vehicle, False, now_s), open_)
     fleet = replace(fleet, vehicles=MappingProxyType(vehicles))
     return replace(state, fleet=fleet, open=open_, warned_s=now_s if looks else state.warned_s), tuple(found)
 
 
-_DOWN = frozenset({Stage.GROUND, Stage.LANDED})
 _DOWN_REASONS = frozenset({"off-pad", "falling", "sinking", "thrust", "terminated", "crash"})
 
 
@@ -268,7 +267,7 @@ def _judge_vehicle(
     scene: Scene, vehicle: VehicleState, told: VehicleReports, now_s: float, *, alone: bool
 ) -> tuple[VehicleState, list[Raised]]:
     setup = scene.vehicles[vehicle.name]
-    if vehicle.stage in _DOWN:
+    if vehicle.is_on_base:
         # It may disarm before it reports the reason.
         view = WatchView(scene, setup, vehicle, False, now_s)
         late = describe_reported_failure(view, "crash") if now_s - vehicle.sortie.disarmed_s <= DISARM_REASON_S else ""

@@ -172,6 +172,6 @@ def find_new_warnings(view: WatchView, before: ReportedWarnings) -> tuple[Report
 
 def find_warnings(view: WatchView) -> tuple[tuple[WarningRule, str], ...]:
     """Evaluate every row; return the active ones with their texts."""
-    if view.state.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
+    if view.state.is_at_rest:
         return ()
     return tuple((row, words) for row in TABLE if (words := row.look(view)))

@@ -12,7 +12,6 @@ from benchmarks.virtual_day import round_trip_state
 from executor.core.context import Context, DayRules, PackRules
 from executor.core.fleet_step import step
 from executor.core.fleet_view import build_fleet_view
-from executor.core.ground import turnaround
 from executor.core.ground.pack_count import PackStock, count_packs, describe_packs
 from executor.core.interface.events import IntentReceived
 from executor.core.interface.intents import Action, Intent, IntentReason, Outcome
@@ -197,7 +196,7 @@ def landed(name: str) -> When:
 
     def due(world: World) -> bool:
         one = world.state.vehicles[name]
-        return turnaround.is_in_service(one) and bool(one.turn.sorties) and one.turn.sorties[-1].ended_s is not None
+        return one.is_on_base and not one.armed and bool(one.turn.sorties) and one.turn.sorties[-1].ended_s is not None
 
     return due
 

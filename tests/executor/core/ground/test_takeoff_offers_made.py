@@ -15,7 +15,6 @@ from executor.core.battery.kalman import Prior
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.ground import takeoff_offers
 from executor.core.interface.commands import Level, Say
-from executor.core.replanning import survivors
 from executor.core.state.fleet_state import FleetState, TakeoffOffer
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -59,14 +58,14 @@ def looked(*vehicles: VehicleState, context: Context = CREW, **given: Any) -> St
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
-    ("who stands on its pad is ready", lambda: idle(STANDS), True),
+    ("a vehicle on its pad is ready", lambda: idle(STANDS), True),
     (
-        "in which stages one is ready",
+        "stages in which a vehicle is ready",
         lambda: [stage for stage in Stage if idle(replace(STANDS, stage=stage))],
         [Stage.GROUND, Stage.LANDED],
     ),
     (
-        "who has landed is not asked for where nobody flies twice",
+        "a landed vehicle is not offered where none flies twice",
         lambda: [
             idle(replace(STANDS, stage=stage), replace(CREW, fly_again=RelaunchPolicy.NEVER))
             for stage in (Stage.LANDED, Stage.GROUND)
@@ -74,12 +73,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, True],
     ),
     (
-        "with which faults one is ready that has landed",
+        "faults with which a landed vehicle is ready",
         lambda: [kind for kind in FaultKind if idle(replace(STANDS, fault=Fault(kind, "", 5.0, FaultCode.STALL)))],
         [FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE],
     ),
     (
-        "with which faults one is ready that has not flown",
+        "faults with which a vehicle that has not flown is ready",
         lambda: [
             kind
             for kind in FaultKind
@@ -88,7 +87,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [],
     ),
     (
-        "who is not ready",
+        "vehicles that are not ready",
         lambda: [
             idle(with_facts(STANDS, **given))
             for given in (
@@ -104,31 +103,22 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, False, False, False, False, False, False],
     ),
     (
-        "until when one is heard",
+        "longest silence of a ready vehicle",
         lambda: [idle(with_facts(STANDS, heard_s=NOW_S - age_s)) for age_s in (2.9, 3.0)],
         [True, False],
     ),
     (
-        "how far from its pad one may stand",
+        "largest distance from its pad",
         lambda: [idle(with_facts(STANDS, fix=over_pad(north_m=-north_m))) for north_m in (15.0, 15.1)],
         [True, False],
     ),
     (
-        "how much its battery must hold",
+        "least battery charge",
         lambda: [idle(with_facts(STANDS, battery=pack(percent))) for percent in (20.0, 19.9)],
         [True, False],
     ),
     (
-        "whose word for the pad counts",
-        lambda: [
-            survivors.may_take_off(CREW, with_facts(STANDS, cleared_s=cleared_s), NOW_S)
-            for cleared_s in (None, NOW_S - 120.0, NOW_S - 120.1)
-        ],
-        [False, True, False],
-    ),
-    ("for a simulation nobody is asked", lambda: survivors.may_take_off(FLEET.context, STANDS, NOW_S), True),
-    (
-        "what is open",
+        "open segments",
         lambda: [
             sorted(takeoff_offers.find_open_segments(CREW, flight_of(flying(), **given)))
             for given in (
@@ -141,7 +131,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [[2, 3, 4, 5], [0, 2, 3, 4, 5], [2, 3, 4], [0, 2, 4, 5]],
     ),
     (
-        "what one can reach",
+        "segments within reach",
         lambda: [
             sorted(
                 takeoff_offers.find_reachable_segments(
@@ -153,7 +143,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [[], [], [], [], [], [], [0, 1]],
     ),
     (
-        "what one can reach that uses more than the model",
+        "segments within reach at a higher consumption than the model",
         lambda: [
             sorted(
                 takeoff_offers.find_reachable_segments(
@@ -165,7 +155,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [[0, 1], [0], []],
     ),
     (
-        "who has not reported its battery reaches nothing",
+        "a vehicle with an unknown battery reaches no segment",
         lambda: takeoff_offers.find_reachable_segments(
             CREW, NOBODY, with_facts(STANDS, battery=BatteryState()), frozenset({0})
         ),
@@ -291,7 +281,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ([], {}, {}),
     ),
     (
-        "for whom an offer waits",
+        "vehicles that an offer waits for",
         lambda: [
             looked(STANDS, with_facts(SECOND, **given))[2].get("offer") is None
             for given in (

@@ -51,7 +51,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["land: ", "land: "],
     ),
     (
-        "who comes home by itself",
+        "returning by itself",
         lambda: [advice(heartbeat=beat(mode)) for mode in (RTL, LAND, 21, HOLD)],
         [
             "leave: returning or landing by itself, not commanded",
@@ -61,12 +61,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who comes home by itself, and the order is to be forced",
+        "returning by itself, and the order is forced",
         lambda: advice(heartbeat=beat(RTL), errand=HomingOrder(NOW_S, force=True)),
         "return: ",
     ),
     (
-        "whose failsafe acts",
+        "its failsafe acts",
         lambda: [
             advice(
                 cause=ModeCause.FAILSAFE,
@@ -84,7 +84,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "whose failsafe holds, and was heard again",
+        "its failsafe holds, and it is received again",
         lambda: [
             advice(cause=ModeCause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 40.0, **{key: NOW_S - since_s})
             for key in ("regained_s", "excused_s")
@@ -93,7 +93,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["wait: holding in its own failsafe; waiting for it to act", "return: "] * 2,
     ),
     (
-        "whose failsafe holds, and whose HEARTBEATs do not come",
+        "its failsafe holds, without HEARTBEATs",
         lambda: [
             advice(cause=ModeCause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 20.0, heartbeat_s=NOW_S - age_s)
             for age_s in (5.0, 5.1)
@@ -101,7 +101,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["return: ", "wait: holding in its own failsafe; waiting for it to act"],
     ),
     (
-        "where nobody knows it to be",
+        "at an unknown position",
         lambda: [
             advice(fix=fix, errand=HomingOrder(NOW_S - since_s))
             for fix, since_s in ((None, 1.4), (None, 1.5), (at(age_s=3.0), 0.0), (at(age_s=3.1), 0.0))
@@ -143,7 +143,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["leave: landing, not commanded", "return: "],
     ),
     (
-        "who has just said that its kill switch is on",
+        "kill switch just reported on",
         lambda: [
             advice(alarm=(text, NOW_S - since_s), errand=HomingOrder(NOW_S, force=force))
             for text, since_s, force in (
@@ -164,7 +164,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("beyond its mission", lambda: advice(waypoint=6), "return: "),
     (
-        "who cannot hold height",
+        "unable to hold height",
         lambda: [
             advice(**{"fault": SINKS, "heartbeat": beat(AUTO), "sinks_s": NOW_S, "anchor": at(), **given})
             for given in (

@@ -12,6 +12,8 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context, DayRules
 from executor.core.interface.commands import Survivor
+from executor.core.lines import operator
+from executor.core.preflight.readiness import find_obstacles
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.state.vehicle_parts import ModeCause, PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
@@ -65,17 +67,17 @@ IN_HAND = replace(STANDS, telemetry=replace(STANDS.telemetry, heartbeat=beat(STA
 
 def test_a_vehicle_with_a_foreign_mode_since_landing_takes_off_only_by_confirmation() -> None:
     assert offered(IN_HAND) is None
-    assert not survivors.may_take_off(CONTEXT, IN_HAND, NOW_S)
+    assert operator.UNCLEARED in find_obstacles(CONTEXT, flight_of(IN_HAND), IN_HAND, NOW_S)
     said = with_facts(IN_HAND, cleared_s=NOW_S - 1.0)
     assert offered(said) is not None
-    assert survivors.may_take_off(CONTEXT, said, NOW_S)
+    assert not find_obstacles(CONTEXT, flight_of(said), said, NOW_S)
     # Before its start a vehicle may stand in any mode.
     assert offered(replace(IN_HAND, stage=Stage.GROUND)) is not None
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "who stands on its pad offers all",
+        "a vehicle on its pad offers its whole budget",
         lambda: offered(STANDS),
         Survivor(
             vehicle="uav1",
@@ -89,7 +91,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who stands there before its start",
+        "a vehicle on its pad before its start",
         lambda: offered(replace(STANDS, stage=Stage.GROUND)),
         Survivor(
             vehicle="uav1",
@@ -103,7 +105,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who stands there without a mission",
+        "a vehicle on its pad without a mission",
         lambda: offered(with_facts(STANDS, board=None)),
         Survivor(
             vehicle="uav1",
@@ -116,9 +118,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             most_pct=75.0,
         ),
     ),
-    ("who stands there and was not cleared", lambda: offered(STANDS, CREW), None),
+    ("a vehicle on its pad without clearance", lambda: offered(STANDS, CREW), None),
     (
-        "who was cleared a minute ago",
+        "a clearance one minute old",
         lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.0), CREW),
         Survivor(
             vehicle="uav1",
@@ -131,53 +133,53 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             most_pct=75.0,
         ),
     ),
-    ("who was cleared longer ago", lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.1), CREW), None),
-    ("who is at fault", lambda: offered(replace(STANDS, fault=BATTERY_FAULT)), None),
-    ("who took no mission", lambda: offered(with_facts(STANDS, stubborn=True)), None),
-    ("who is out of the plan", lambda: offered(with_facts(STANDS, excluded=True)), None),
-    ("who holds by order", lambda: offered(flying(held_s=NOW_S)), None),
-    ("who is silent", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 3.0)), None),
-    ("who was just heard", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 2.9)) is not None, True),
-    ("who was never heard", lambda: offered(with_facts(STANDS, heard_s=None)), None),
-    ("who is stale", lambda: offered(with_facts(STANDS, stale=True)), None),
-    ("who has not reported its battery", lambda: offered(with_facts(STANDS, battery=BatteryState())), None),
-    ("who lies somewhere", lambda: offered(flying(stage=Stage.DOWN)), None),
-    ("who returns", lambda: offered(flying(stage=Stage.RETURNING)), None),
-    ("who has no mission in the air", lambda: offered(flying(board=None)), None),
-    ("who has no position in the air", lambda: offered(flying(fix=None)), None),
-    ("who inspects keeps that", lambda: offered(flying()), ITS_OFFER),
+    ("an older clearance", lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.1), CREW), None),
+    ("at fault", lambda: offered(replace(STANDS, fault=BATTERY_FAULT)), None),
+    ("its last mission declined", lambda: offered(with_facts(STANDS, stubborn=True)), None),
+    ("excluded from the plan", lambda: offered(with_facts(STANDS, excluded=True)), None),
+    ("on hold by the operator's intent", lambda: offered(flying(held_s=NOW_S)), None),
+    ("silent", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 3.0)), None),
+    ("just received", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 2.9)) is not None, True),
+    ("no message yet", lambda: offered(with_facts(STANDS, heard_s=None)), None),
+    ("link stale", lambda: offered(with_facts(STANDS, stale=True)), None),
+    ("battery not reported", lambda: offered(with_facts(STANDS, battery=BatteryState())), None),
+    ("down away from its pad", lambda: offered(flying(stage=Stage.DOWN)), None),
+    ("returning", lambda: offered(flying(stage=Stage.RETURNING)), None),
+    ("airborne without a mission", lambda: offered(flying(board=None)), None),
+    ("airborne without a position", lambda: offered(flying(fix=None)), None),
+    ("an inspection under way is kept", lambda: offered(flying()), ITS_OFFER),
     (
-        "who is on its way to an inspection keeps that",
+        "an inspection it is flying to is kept",
         lambda: offered(ON_ITS_WAY),
         replace(ITS_OFFER, budget_pct=72.1154, most_pct=73.1154),
     ),
     (
-        "who climbs keeps its first inspection",
+        "a climbing vehicle keeps its first inspection",
         lambda: offered(flying(waypoint=0, fix=over_pad(5.0))),
         replace(ITS_OFFER, budget_pct=71.2622, most_pct=72.2622),
     ),
     (
-        "who starts keeps its first inspection, whatever its mode",
+        "a starting vehicle keeps its first inspection in any mode",
         lambda: offered(flying(stage=Stage.STARTING, waypoint=0, fix=over_pad(5.0), heartbeat=beat(4))),
         replace(ITS_OFFER, budget_pct=71.2622, most_pct=72.2622),
     ),
-    ("who flies in another mode", lambda: offered(flying(heartbeat=beat(HOLD))), None),
-    ("whose mode is old", lambda: offered(flying(heartbeat_s=NOW_S - 3.5)), None),
-    ("whose mode is fresh", lambda: offered(flying(heartbeat_s=NOW_S - 3.4)) is not None, True),
-    ("whose mode is not known", lambda: offered(flying(heartbeat=None)), None),
-    ("whose mode was not heard", lambda: offered(flying(heartbeat_s=None)), None),
+    ("flying in another mode", lambda: offered(flying(heartbeat=beat(HOLD))), None),
+    ("mode report stale", lambda: offered(flying(heartbeat_s=NOW_S - 3.5)), None),
+    ("mode report fresh", lambda: offered(flying(heartbeat_s=NOW_S - 3.4)) is not None, True),
+    ("mode unknown", lambda: offered(flying(heartbeat=None)), None),
+    ("mode not received", lambda: offered(flying(heartbeat_s=None)), None),
     (
-        "who ends its inspection in time",
+        "inspection ends in time",
         lambda: offered(flying(fix=far(3.6))),
         replace(ITS_OFFER, budget_pct=73.8513, most_pct=74.8513),
     ),
     (
-        "who ends its inspection before an upload is over keeps the next one",
+        "inspection ends before the upload, so the next one is kept",
         lambda: (one := offered(flying(fix=far(2.4)))) and (one.start_m, one.tail, one.kept),
         ((300.0, -5.0), (), 4),
     ),
     (
-        "who inspects the last one",
+        "on its last inspection",
         lambda: offered(flying(waypoint=3, fix=replace(at(), place_m=(250.0, -5.0)))),
         Survivor(
             vehicle="uav1",
@@ -193,7 +195,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who ends its last inspection in a moment",
+        "last inspection ends in a moment",
         lambda: offered(flying(waypoint=3, fix=replace(at(), place_m=(299.0, -5.0)))),
         Survivor(
             vehicle="uav1",
@@ -209,7 +211,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who is on its way home far out",
+        "on its way home, far out",
         lambda: offered(flying(waypoint=4, fix=at(north_m=-18.0))),
         Survivor(
             vehicle="uav1",
@@ -225,7 +227,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "whose pilot gave it back beside its way home",
+        "given back by its pilot beside its way home",
         lambda: offered(flying(waypoint=4, fix=at())),
         Survivor(
             vehicle="uav1",
@@ -240,11 +242,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             facing_m=(-338.5, 20.4),
         ),
     ),
-    ("who is on its way home and nearly there", lambda: offered(flying(waypoint=4, fix=over_pad(15.0))), None),
-    ("who lands", lambda: offered(flying(waypoint=5, fix=over_pad(5.0))), None),
-    ("who has passed everything", lambda: offered(flying(waypoint=6, fix=over_pad(5.0))), None),
+    ("on its way home, nearly there", lambda: offered(flying(waypoint=4, fix=over_pad(15.0))), None),
+    ("landing", lambda: offered(flying(waypoint=5, fix=over_pad(5.0))), None),
+    ("past all waypoints", lambda: offered(flying(waypoint=6, fix=over_pad(5.0))), None),
     (
-        "who has used much of the site's budget",
+        "most of the site's budget used",
         lambda: offered(with_facts(STANDS, battery=pack(100.0, 30.0))),
         Survivor(
             vehicle="uav1",
@@ -258,7 +260,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "whose battery is at its reserve",
+        "battery at its reserve",
         lambda: offered(with_facts(STANDS, battery=pack(15.0))),
         Survivor(
             vehicle="uav1",
@@ -272,7 +274,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "whose battery is over its reserve by a little",
+        "battery slightly above its reserve",
         lambda: offered(with_facts(STANDS, battery=pack(20.0))),
         Survivor(
             vehicle="uav1",
@@ -286,7 +288,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "who uses more than the model",
+        "consumption above the model",
         lambda: offered(
             flying(battery=replace(pack(90.0, 90.0), estimate=kalman.initialise_estimate(90.0, Prior(1.5, 0.1))))
         ),
@@ -351,7 +353,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["", "segment 3", "segments 1, 3", "segments 0, 2, 5"],
     ),
     (
-        "what is nobody's",
+        "segments without a vehicle",
         lambda: [
             sorted(replan_cycle.find_orphan_segments(CONTEXT, flight))
             for flight in (

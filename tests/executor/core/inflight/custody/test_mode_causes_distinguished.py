@@ -149,7 +149,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("the first mode that is heard", lambda: caused(HOLD, flying(heartbeat=None, cause=ModeCause.FAILSAFE)), "ours"),
     (
-        "who disarms is nobody's",
+        "a disarmed vehicle is under nobody's control",
         lambda: (
             mode_causes.update_mode_cause(
                 CONTEXT, (), flying(), flying(heartbeat=DISARMED, cause=ModeCause.PERSON), NOW_S
@@ -158,7 +158,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ModeCause.OURS,
     ),
     (
-        "nobody's mode",
+        "mode unknown",
         lambda: (
             mode_causes.update_mode_cause(
                 CONTEXT, (), flying(), flying(heartbeat=None, cause=ModeCause.PERSON), NOW_S
@@ -167,7 +167,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ModeCause.PERSON,
     ),
     (
-        "what a failsafe's text explains",
+        "mode changes explained by a failsafe's text",
         lambda: [
             caused(mode, flying(), alarm=(text, NOW_S - age_s))
             for mode in (RTL, HOLD, 4)
@@ -194,7 +194,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "what else explains a failsafe",
+        "mode changes explained by a failsafe otherwise",
         lambda: [
             caused(RTL, flying(), **given)
             for given in (
@@ -208,7 +208,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["failsafe", "failsafe", "person", "failsafe", "person"],
     ),
     (
-        "what its state explains",
+        "mode changes explained by its state",
         lambda: [
             mode_causes.update_mode_cause(
                 CONTEXT, (), flying(), flying(heartbeat=beat(RTL, status=status), mode_since_s=NOW_S), NOW_S
@@ -295,7 +295,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who never landed",
+        "vehicles that never landed",
         lambda: [
             mode_causes.has_never_landed(CONTEXT, flying(**{"stage": Stage.LANDED, **given}))
             for given in (
@@ -314,7 +314,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, False, True, True, False, False, False, False, False, False],
     ),
     (
-        "whose failsafe missed us",
+        "GCS failsafe acts on our absence",
         lambda: [
             missed(**given)
             for given in (
@@ -333,7 +333,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [True, True, False, False, False, True, True, False, False, False],
     ),
     (
-        "whose failsafe missed us the last time",
+        "GCS failsafe acts on the last absence only",
         lambda: [
             mode_causes.is_gcs_absence_failsafe(
                 replace(CONTEXT, vehicles={"uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=5.0)}),
@@ -351,7 +351,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [True, False],
     ),
-    ("nobody was away", lambda: mode_causes.is_gcs_absence_failsafe(CONTEXT, (), flying(), NOW_S), False),
+    ("no absence", lambda: mode_causes.is_gcs_absence_failsafe(CONTEXT, (), flying(), NOW_S), False),
     (
         "a hold that no failsafe explains",
         lambda: [
@@ -375,9 +375,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("a hold, by its own clock", lambda: unseen(fix=replace(at(), boot_s=NOW_S - 1.0)), False),
     (
-        "whose hands",
+        "vehicles under foreign control",
         lambda: [
-            mode_causes.is_under_foreign_control(flying(**given))
+            flying(**given).is_under_foreign_control
             for given in (
                 {},
                 {"taken": TAKEN},
@@ -388,7 +388,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, True, True, False],
     ),
     (
-        "who is taken for certain",
+        "vehicles certainly taken over",
         lambda: [
             mode_causes.is_taken_over(flying(mode_since_s=NOW_S - since_s, **given), NOW_S)
             for since_s, given in (

@@ -27,12 +27,12 @@ HAND: Changes = {"heartbeat": beat(RTL), "flew_mission": True, "mode_since_s": N
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
-        "until when one is not lost",
+        "longest silence before link lost",
         lambda: [look("link", flying(heard_s=NOW_S - age_s)) for age_s in (9.9, 10.0)],
         ["ok", "link lost for 10.0 s, time-out 10 s"],
     ),
     (
-        "who says nothing of itself",
+        "no position or HEARTBEAT",
         lambda: [
             look("link", flying(**UNSEEN | given), setup)
             for given in (
@@ -48,24 +48,24 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["neither HEARTBEAT nor position for 60 s", "ok", "ok", "ok", "ok", "ok", "ok", "ok", "ok", "ok", "ok", "ok"],
     ),
     (
-        "who says nothing of itself, with a long time-out",
+        "no position or HEARTBEAT, with a long time-out",
         lambda: [
             look("link", flying(**UNSEEN), replace(PLANNED, link_timeout_s=timeout_s)) for timeout_s in (60.0, 60.1)
         ],
         ["neither HEARTBEAT nor position for 60 s", "ok"],
     ),
     (
-        "where one may disarm",
+        "places to disarm",
         lambda: [look("off-pad", beside({"fix": over_pad(north_m=-north_m)})) for north_m in (15.0, 15.1)],
         ["ok", "disarmed 15 m from its pad, 0 m high"],
     ),
     (
-        "how high one may disarm",
+        "heights to disarm",
         lambda: [look("off-pad", beside({"fix": over_pad(up_m)})) for up_m in (5.0, 5.1)],
         ["ok", "disarmed 5 m above its pad"],
     ),
     (
-        "how old a height may be",
+        "largest age of a height",
         lambda: [
             look("off-pad", beside({"fix": over_pad(9.0, age_s=age_s), "disarmed_s": NOW_S - 8.0}))
             for age_s in (1.5, 1.6, 3.1, 6.0)
@@ -73,14 +73,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["disarmed 9 m above its pad", "stale", "stale", "ok"],
     ),
     (
-        "who disarms before it took off",
+        "disarmed before its take-off",
         lambda: [
             look("off-pad", beside({"took_off": False, "stage": stage})) for stage in (Stage.FLYING, Stage.STARTING)
         ],
         ["disarmed on its pad before it took off", "ok"],
     ),
     (
-        "who disarms in the midst of its mission",
+        "disarmed in mid-mission",
         lambda: [
             look("off-pad", beside({"away_once": False, "waypoint": 2, "stage": stage}))
             for stage in (Stage.FLYING, Stage.RETURNING, Stage.PILOT)
@@ -88,7 +88,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["disarmed over its pad in mid-mission", "ok", "ok"],
     ),
     (
-        "who disarms and has started anew",
+        "disarmed after a reboot",
         lambda: [
             look("off-pad", beside({"rebooted_s": 5.0, "alarm": ("Crash: Disarming", NOW_S - age_s)}))
             for age_s in (15.0, 15.1)
@@ -99,7 +99,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who never armed, or is armed",
+        "never armed, or still armed",
         lambda: [
             look("off-pad", flying(**given))
             for given in ({"armed_once": False, "heartbeat": DISARMED}, {}, {"heartbeat": None})
@@ -107,7 +107,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["ok", "ok", "stale"],
     ),
     (
-        "who may land anywhere must rest",
+        "a vehicle that may land anywhere must be at rest",
         lambda: [
             look("off-pad", flying(heartbeat=DISARMED, fix=fix, on_ground=on_ground), UNPLANNED)
             for fix, on_ground in (
@@ -135,7 +135,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who gives itself up",
+        "flight termination",
         lambda: [
             look("terminated", flying(heartbeat=beat(armed=armed, status=status), alarm=("Crash", NOW_S - 15.0)))
             for armed in (True, False)
@@ -153,7 +153,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "how fast one may sink",
+        "fastest descent",
         lambda: [
             look("falling", flying(fix=at(climbs_m_s=climbs_m_s, age_s=age_s)))
             for climbs_m_s, age_s in ((-5.0, 0.0), (-5.1, 3.0), (-5.1, 3.1))
@@ -161,7 +161,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["ok", "falls at 5.1 m/s", "stale"],
     ),
     (
-        "whose failsafe took it off its mission",
+        "mission left by a failsafe",
         lambda: [
             look("mode", flying(heartbeat=beat(RTL, armed=armed), cause=cause, alarm=("Radio Failsafe", NOW_S)))
             for armed in (True, False)
@@ -170,7 +170,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["ok", "ok", "RTL by its own failsafe; it says: Radio Failsafe", "ok", "ok", "ok", "ok", "ok"],
     ),
     (
-        "who left a mission that nobody planned",
+        "unplanned mission left",
         lambda: [
             look("mode", flying(**HAND | given), UNPLANNED)
             for given in (
@@ -196,7 +196,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who left a mission that nobody planned at its end",
+        "unplanned mission left at its end",
         lambda: [
             look("mode", flying(**HAND | {"item": item}), UNPLANNED) != "ok"
             for item in ((9, 10), (8, 10), (9, None), (65534, 65535), None)
@@ -204,7 +204,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, True, True, True, True],
     ),
     (
-        "who left a mission of PX4's that nobody planned at its end",
+        "unplanned mission of PX4 left at its end",
         lambda: [
             look(
                 "mode",
@@ -217,7 +217,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [False, True],
     ),
     (
-        "how far one may jump",
+        "largest jump",
         lambda: [
             (look("position", flying(jump=jump)), warn("position", flying(jump=jump)))
             for jump in ((99.9, NOW_S), (100.0, NOW_S - 3.0), (100.0, NOW_S - 3.1), (9.9, NOW_S), (10.0, NOW_S - 3.0))
@@ -231,7 +231,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "how long one may stand",
+        "longest stop",
         lambda: [
             look("stall", flying(fix=at(age_s=age_s), anchor=at(age_s=age_s + stood_s), held_s=held_s), setup)
             for stood_s, age_s, held_s in (
@@ -257,7 +257,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "who stands and is flown by hand",
+        "stopped under manual control",
         lambda: look("stall", flying(anchor=at(age_s=900.0), heartbeat=beat(HOLD)), UNPLANNED),
         "ok",
     ),
