@@ -6,9 +6,8 @@ REPORTS = "reports {state}{says}"
 STATES = {6: "an emergency", 8: "that its flight is terminated"}
 """MAV_STATE."""
 MODE = "{mode} by its own failsafe{says}"
-WENT_TO_MODE = "went to mode {mode} by its own failsafe: {why}"
 UNNAMED = "it does not say which"
-MODE_OF_UNKNOWN = "went to mode {mode}, by an unknown source"
+MODE_OF_UNKNOWN = "{mode} by an unknown source"
 
 ORDERED = "it was ordered"
 ORDER_ACCEPTED = "an order to change its mode was accepted"

@@ -66,7 +66,8 @@ _KINDS: Mapping[str, str] = MappingProxyType(
         "ground station": r"gcs failsafe|(data ?link|gcs connection|connection to ground (control )?station) lost|"
         r"failsafe enabled: no data ?link|due to .*(data ?link|gcs)",
         "terrain": r"failsafe: terrain|terrain failsafe",
-        "other": r"terminat(ed|ion)|internal error|cpu failsafe|^failsafe (mode )?(activated|enabled)",
+        "other": r"terminat(ed|ion)|internal error|cpu failsafe|^failsafe (mode )?(activated|enabled)|"
+        r"no valid mission",
     }
 )
 """Patterns by kind, the most important first."""
@@ -89,12 +90,6 @@ ALARM = re.compile(
     re.IGNORECASE,
 )
 """Texts of both autopilots when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
-CHANGES_MODE = re.compile(
-    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
-    r"no valid mission)",
-    re.IGNORECASE,
-)
-"""Texts before an autopilot changes its mode; "Low battery" alone only warns."""
 STOPS_MOTORS = re.compile(r"emergency stop|kill", re.IGNORECASE)
 """Texts about a motor stop, possibly by a person."""
 EXPLAINS_DISARMING = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)

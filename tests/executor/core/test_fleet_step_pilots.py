@@ -25,7 +25,7 @@ from tests.executor.core.steps import (
     over_pad,
     plan_of,
 )
-from tests.executor.core.vehicles import FLEET, NOW_S, ON_PAD, OUT_THERE, RTL, flying
+from tests.executor.core.vehicles import FLEET, NOW_S, ON_PAD, OUT_THERE, RTL, flying, says
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=TAKEN, mode_since_s=NOW_S - 10.0)
 RETURNED = with_facts(PILOTS, heartbeat=beat(), mode_since_s=NOW_S - 1.0)
@@ -455,7 +455,7 @@ ROWS = [
     ),
     Row(
         "a mode that a later text explains",
-        with_facts(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
+        with_facts(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), **says("Radio Failsafe", NOW_S)),
         Tick(),
         [],
         {"uav1": {"cause": ModeCause.FAILSAFE}},
@@ -463,7 +463,7 @@ ROWS = [
     ),
     Row(
         "a mode that a text explains too late",
-        with_facts(TAKES, mode_since_s=NOW_S - 4.1, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
+        with_facts(TAKES, mode_since_s=NOW_S - 4.1, heartbeat=beat(RTL), **says("Radio Failsafe", NOW_S)),
         Tick(),
         [
             Say(Level.FAULT, "uav1: with its pilot, mode RTL; not commanded from here; its segments are kept for 30 s"),
@@ -474,7 +474,7 @@ ROWS = [
     ),
     Row(
         "a mode that nobody else can have chosen",
-        with_facts(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S), certain=True),
+        with_facts(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), **says("Radio Failsafe", NOW_S), certain=True),
         Tick(),
         [],
         {},

@@ -23,7 +23,7 @@ from executor.core.state.onboard_fence import describe_fence_departure
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause, ModeEvidence
 from executor.core.state.vehicle_position import is_home_by_own_estimate
 from executor.core.state.vehicle_state import Stage, VehicleState
-from executor.core.telemetry.mode_evidence import CHANGES_MODE, has_failsafe_action
+from executor.core.telemetry.mode_evidence import has_failsafe_action
 from missions import Dialect, Phase
 from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission_mode
 
@@ -161,6 +161,11 @@ def _has_foreign_order(known: ModeEvidence, at_s: float, late_s: float, mode: in
         order.custom_mode == mode and -ORDERED_S - late_s <= seen_s - at_s <= (ANSWERED_S if mode is None else 1.0)
         for order, seen_s in known.others_orders
     )
+
+
+def _last_failure_s(known: ModeEvidence) -> float:
+    """Return when it last reported a failure on which an autopilot acts."""
+    return max((said_s for failed, said_s in known.failed if has_failsafe_action(failed)), default=-math.inf)
 
 
 def _find_failure(known: ModeEvidence, at_s: float) -> OwnFailsafe | None:
@@ -305,8 +310,7 @@ def _must_be_person(context: Scene, before: VehicleState, vehicle: VehicleState)
         return False
     if before.custody.cause is ModeCause.PERSON:
         # A person who has it changes its mode again, unless it newly reports an action of its own.
-        text, said_s = vehicle.telemetry.alarm
-        return not (CHANGES_MODE.search(text) and said_s >= before.telemetry.mode_since_s)
+        return _last_failure_s(vehicle.evidence) < before.telemetry.mode_since_s
     if not is_holding(context, vehicle) or not is_home_mode(dialect, before.mode):
         return False
     # A failsafe holds before it returns, never after; in a commanded RTL only one that holds first can.
@@ -388,13 +392,12 @@ def _is_mission_end(context: Scene, before: VehicleState, vehicle: VehicleState,
 def _is_explained_by_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
-    if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not is_holding(context, vehicle):
+    setup, mode = context.vehicles[vehicle.name], vehicle.mode
+    if mode is None or not (is_home_mode(setup.dialect, mode) or is_holding(context, vehicle)):
         return False
-    text, said_s = vehicle.telemetry.alarm
     return (
-        (bool(CHANGES_MODE.search(text)) and abs(vehicle.telemetry.mode_since_s - said_s) <= context.limits.alarm_s)
+        _match_failsafe(setup, vehicle, vehicle.telemetry.mode_since_s, mode) is not None
         or _is_newly_critical(vehicle, context.limits.alarm_s)
-        or is_fence_breached_near(vehicle, vehicle.telemetry.mode_since_s)
         or bool(describe_fence_departure(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
         or (_is_unseen_change(vehicle) and _may_follow_silence(context, vehicle))
@@ -450,8 +453,7 @@ def is_failsafe_in_hold(context: Scene, vehicle: VehicleState) -> bool:
     told = vehicle.telemetry
     if context.vehicles[vehicle.name].dialect.ground_station_failsafe.pause is None:
         return False
-    text, said_s = told.alarm
-    began_s = max(told.critical_since_s or -math.inf, said_s if CHANGES_MODE.search(text) else -math.inf)
+    began_s = max(told.critical_since_s or -math.inf, _last_failure_s(vehicle.evidence))
     holds = is_holding(context, vehicle) and began_s > told.mode_since_s
     return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < max_failsafe_hold_s(context, vehicle.name)
 

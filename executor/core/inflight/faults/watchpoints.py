@@ -399,11 +399,12 @@ def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
     if who.by is Actor.FAILSAFE and who.failed is not None:
         # A battery failsafe is reported under its own name. Any other one takes the vehicle from its operator.
         is_battery = who.failed.what == "battery"
-        return OK if is_battery else failsafe.WENT_TO_MODE.format(mode=name, why=who.failed.words)
+        says = failsafe.ALSO_SAYS.format(words=who.failed.words)
+        return OK if is_battery else failsafe.MODE.format(mode=name, says=says)
     if not state.sortie.flew_mission:
         return OK  # never on a mission, or a person had it before
     if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
-        return failsafe.WENT_TO_MODE.format(mode=name, why=who.why or failsafe.UNNAMED)
+        return failsafe.MODE.format(mode=name, says=f"; {who.why or failsafe.UNNAMED}")
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and is_attribution_final(state, view.now_s):
         return failsafe.MODE_OF_UNKNOWN.format(mode=name)
     return OK

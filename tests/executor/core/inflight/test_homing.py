@@ -13,7 +13,7 @@ from executor.core.state.vehicle_parts import HomingOrder, ModeCause
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.steps import HOLD, HOMEWARD, LAND, TAKEN, beat, over_pad, rounded
-from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying, says
 
 CONTEXT = FLEET.context
 COMES = flying(**{**HOMEWARD, "heartbeat": beat()}, errand=HomingOrder(NOW_S))
@@ -198,14 +198,14 @@ WAITS = "wait: holding in its own failsafe; waiting for it to act"
         ({"critical_since_s": NOW_S - 14.9}, WAITS),
         ({"critical_since_s": NOW_S - 15.0}, "return: "),
         ({"critical_since_s": NOW_S - 40.0}, "return: "),
-        ({"alarm": (EMPTY, NOW_S - 14.9)}, WAITS),
-        ({"alarm": (EMPTY, NOW_S - 15.0)}, "return: "),
-        ({"alarm": (EMPTY, NOW_S - 40.0)}, "return: "),
+        (says(EMPTY, NOW_S - 14.9), WAITS),
+        (says(EMPTY, NOW_S - 15.0), "return: "),
+        (says(EMPTY, NOW_S - 40.0), "return: "),
         ({"alarm": ("Low battery", NOW_S - 1.0)}, "return: "),
-        ({"alarm": (EMPTY, NOW_S - 40.0), "critical_since_s": NOW_S - 1.0}, WAITS),
-        ({"alarm": (EMPTY, NOW_S - 1.0), "mode_since_s": NOW_S - 0.5}, "return: "),
-        ({"alarm": (EMPTY, NOW_S - 1.0), "heartbeat": Heartbeat(12, 67371008, True, 5)}, "return: "),
-        ({"alarm": (EMPTY, NOW_S - 1.0), "errand": HomingOrder(NOW_S, force=True)}, "return: "),
+        (says(EMPTY, NOW_S - 40.0, critical_since_s=NOW_S - 1.0), WAITS),
+        (says(EMPTY, NOW_S - 1.0, mode_since_s=NOW_S - 0.5), "return: "),
+        (says(EMPTY, NOW_S - 1.0, heartbeat=Heartbeat(12, 67371008, True, 5)), "return: "),
+        (says(EMPTY, NOW_S - 1.0, errand=HomingOrder(NOW_S, force=True)), "return: "),
     ],
 )
 def test_a_failsafe_that_begins_in_a_hold_of_ours_is_waited_for(given: dict[str, object], expected: str) -> None:
@@ -216,7 +216,7 @@ def test_a_failsafe_that_begins_in_a_hold_of_ours_is_waited_for(given: dict[str,
 
 
 def test_an_arducopters_failsafe_acts_at_once() -> None:
-    held = advice(heartbeat=beat(HOLD), mode_since_s=NOW_S - 30.0, alarm=("Battery Failsafe", NOW_S - 1.0))
+    held = advice(heartbeat=beat(HOLD), mode_since_s=NOW_S - 30.0, **says("Battery Failsafe", NOW_S - 1.0))
     assert held == "return: "
 
 

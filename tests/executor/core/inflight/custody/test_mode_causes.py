@@ -46,12 +46,12 @@ CAUSES: list[tuple[VehicleState, ModeCause]] = [
     (went(RTL, heartbeat=Heartbeat(3, RTL, True, 5)), ModeCause.FAILSAFE),
     (went(BRAKE, heartbeat=Heartbeat(3, BRAKE, True, 5)), ModeCause.FAILSAFE),
     (went(LOITER, heartbeat=Heartbeat(3, LOITER, True, 5)), ModeCause.PERSON),
-    (went(RTL, alarm=("Battery Failsafe", NOW_S - 15.0)), ModeCause.FAILSAFE),
-    (went(RTL, alarm=("Battery Failsafe", NOW_S - 15.1)), ModeCause.PERSON),
-    (went(RTL, alarm=("Battery Failsafe", NOW_S + 15.0)), ModeCause.FAILSAFE),
-    (went(RTL, alarm=("Battery Failsafe", NOW_S + 15.1)), ModeCause.PERSON),
-    (went(RTL, alarm=("Low battery", NOW_S)), ModeCause.PERSON),
-    (went(RTL, alarm=("GCS Failsafe Cleared", NOW_S)), ModeCause.PERSON),
+    (went(RTL, **says("Battery Failsafe", NOW_S - 15.0)), ModeCause.FAILSAFE),
+    (went(RTL, **says("Battery Failsafe", NOW_S - 15.1)), ModeCause.PERSON),
+    (went(RTL, **says("Battery Failsafe", NOW_S + 4.0)), ModeCause.FAILSAFE),
+    (went(RTL, **says("Battery Failsafe", NOW_S + 4.1)), ModeCause.PERSON),
+    (went(RTL, **says("Low battery", NOW_S)), ModeCause.FAILSAFE),  # all that ArduPilot up to 3.5 says
+    (went(RTL, **says("GCS Failsafe Cleared", NOW_S)), ModeCause.PERSON),
     (went(RTL, fence_breached=True), ModeCause.FAILSAFE),
     (went(RTL, breached_s=NOW_S - 4.0), ModeCause.FAILSAFE),  # its return has ended the breach already
     (went(RTL, breached_s=NOW_S - 4.1), ModeCause.PERSON),
@@ -252,7 +252,7 @@ def test_a_return_of_an_arducopter_ends_in_its_own_mode(cause: ModeCause) -> Non
         home = flying(heartbeat=Heartbeat(3, mode, True, 4), cause=cause)
         landing = went(LAND, fix=at(east_m=3.0))
         assert determine_mode_cause(CONTEXT, (), home, landing, NOW_S) is ModeCause.PERSON
-        said_why = with_facts(landing, alarm=("Battery Failsafe", NOW_S))
+        said_why = with_facts(landing, **says("Battery Failsafe", NOW_S))
         assert determine_mode_cause(CONTEXT, (), home, said_why, NOW_S) is ModeCause.FAILSAFE
 
 
@@ -263,7 +263,7 @@ def test_over_the_pad_needs_a_recent_position(age_s: float, cause: ModeCause) ->
     home = flying(heartbeat=Heartbeat(12, PX4_RTL, True, 4), cause=ModeCause.MISSION)
     landing = on_px4(PX4_LAND, fix=at(east_m=3.0, age_s=age_s))
     assert determine_mode_cause(px4, (), home, landing, NOW_S) is cause
-    said_why = with_facts(landing, alarm=("EKF Failsafe", NOW_S))
+    said_why = with_facts(landing, **says("EKF Failsafe", NOW_S))
     assert determine_mode_cause(px4, (), home, said_why, NOW_S) is (ModeCause.FAILSAFE if age_s > 3.0 else cause)
 
 
@@ -393,13 +393,13 @@ def test_a_return_that_is_broken_off_for_a_landing_elsewhere_is_a_persons() -> N
         "it lands instead of a return"
     )
     assert determine_mode_cause(CONTEXT, (), returns, with_facts(landing, fix=at(east_m=3.0)), NOW_S) is ModeCause.OURS
-    empty = with_facts(landing, alarm=("Battery Failsafe", NOW_S))
+    empty = with_facts(landing, **says("Battery Failsafe", NOW_S))
     assert determine_mode_cause(CONTEXT, (), returns, empty, NOW_S) is ModeCause.FAILSAFE
 
 
 @pytest.mark.parametrize(("since_s", "explained"), [(4.0, True), (4.1, False)])
 def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: bool) -> None:
-    state = went(RTL, mode_since_s=NOW_S - since_s, cause=ModeCause.PERSON, alarm=("Battery Failsafe", NOW_S))
+    state = went(RTL, mode_since_s=NOW_S - since_s, cause=ModeCause.PERSON, **says("Battery Failsafe", NOW_S))
     assert review_mode_cause(CONTEXT, (), state, NOW_S).custody.cause is (
         ModeCause.FAILSAFE if explained else ModeCause.PERSON
     )
@@ -411,7 +411,7 @@ def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: 
     ("changes", "cause"),
     [
         ({}, ModeCause.PERSON),
-        ({"alarm": ("Failsafe activated: entering Hold for 5 seconds", NOW_S - 2.4)}, ModeCause.FAILSAFE),
+        (says("Failsafe activated: entering Hold for 5 seconds", NOW_S - 2.4), ModeCause.FAILSAFE),
         ({"mode_since_s": NOW_S - 2.4}, ModeCause.MISSION),
         ({"on_ground": True}, ModeCause.MISSION),
         ({"on_ground": None}, ModeCause.MISSION),

@@ -169,7 +169,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "mode changes explained by a failsafe's text",
         lambda: [
-            caused(mode, flying(), alarm=(text, NOW_S - age_s))
+            caused(mode, flying(), **says(text, NOW_S - age_s))
             for mode in (RTL, HOLD, 4)
             for text, age_s in (
                 ("Radio Failsafe", 15.0),
@@ -182,11 +182,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "failsafe",
             "person",
             "person",
-            "person",
+            "failsafe",
             "failsafe",
             "person",
             "person",
-            "person",
+            "failsafe",
             "person",
             "person",
             "person",
@@ -223,7 +223,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             caused(
                 RTL,
                 flying(heartbeat=beat(0), cause=ModeCause.PERSON, mode_since_s=NOW_S - 9.0),
-                alarm=(text, NOW_S - age_s),
+                **says(text, NOW_S - age_s),
             )
             for text, age_s in (
                 ("", 0.0),
@@ -410,7 +410,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     heartbeat=beat(RTL),
                     cause=ModeCause.PERSON,
                     mode_since_s=NOW_S - since_s,
-                    alarm=("Radio Failsafe", NOW_S),
+                    **says("Radio Failsafe", NOW_S),
                     certain=certain,
                 ),
                 NOW_S,

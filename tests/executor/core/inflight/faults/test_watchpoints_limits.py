@@ -185,14 +185,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "went to mode RTL, by an unknown source",
+            "RTL by an unknown source",
             "ok",
             "ok",
             "ok",
             "ok",
             "stale",
-            "went to mode RTL by its own failsafe: its HEARTBEAT is critical",
-            "went to mode RTL by its own failsafe: GPS failsafe",
+            "RTL by its own failsafe; its HEARTBEAT is critical",
+            "RTL by its own failsafe; it says: GPS failsafe",
         ],
     ),
     (
