@@ -1,6 +1,6 @@
 """Decide whether a vehicle may leave the ground, with the reasons against it.
 
-Whoever asks leaves out what it is about to change: an include ends a fault, a swap also brings another pack.
+A caller leaves out what it is about to change: an include ends a fault, a swap also brings another pack.
 """
 
 from __future__ import annotations
