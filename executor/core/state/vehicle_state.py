@@ -202,7 +202,7 @@ class VehicleState:
     @property
     def is_on_base(self) -> bool:
         """Whether it is on the ground where it may take off, as far as known."""
-        return self.stage in {Stage.GROUND, Stage.LANDED}
+        return self.stage is Stage.GROUND or self.stage is Stage.LANDED
 
     @property
     def is_at_rest(self) -> bool:
