@@ -75,10 +75,11 @@ _PATTERNS = tuple((kind, re.compile(pattern, re.IGNORECASE)) for kind, pattern i
 _LOW = re.compile(r"^low battery!?$", re.IGNORECASE)
 """All that ArduPilot up to 3.5 sends about its battery failsafe; PX4's means that it is time to return."""
 _WARNS_ONLY = re.compile(
-    r"glitch|variance|compass|terrain data$|late frames|barometer|internal error|compensation|thrust loss|avoids",
+    r"^(?!.*failsafe).*"
+    r"(glitch|variance|compass|terrain data$|late frames|barometer|internal error|compensation|thrust loss|avoids)",
     re.IGNORECASE,
 )
-"""Warnings; another text reports the autopilot's action, if there is one."""
+"""Warnings, none of which is called a failsafe; another text reports the autopilot's action, if there is one."""
 _TAKES_NO_ACTION = re.compile(r"continuing|warning triggered|advised", re.IGNORECASE)
 """Texts that report no action."""
 
