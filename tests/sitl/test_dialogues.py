@@ -28,7 +28,13 @@ def test_a_real_autopilot_answers_as_written_down(autopilot: str, chapter: str, 
         work.mkdir()
         with real(autopilot, work) as wire:
             held = Station(wire, dialect).hold(CHAPTERS[chapter](dialect))
-        answers = {step: answer.lines() for step, answer in held.items()}
-        if answers == facts.real(autopilot)[chapter]:
+        answers = without_size({step: answer.lines() for step, answer in held.items()})
+        if answers == without_size(facts.real(autopilot)[chapter]):
             return
-    assert answers == facts.real(autopilot)[chapter]
+    assert answers == without_size(facts.real(autopilot)[chapter])
+
+
+def without_size(chapter: facts.Chapter) -> facts.Chapter:
+    """Leave out how long the parameters' file is: each build of one version has other parameters."""
+    opened, *others = chapter.get("parameters", ("",))
+    return {**chapter, "parameters": (opened[: len("FILE OPENFILERO '")], *others)}
