@@ -22,7 +22,8 @@ TRIES = 2
 def test_a_real_autopilot_answers_as_written_down(autopilot: str, chapter: str, tmp_path: Path) -> None:
     if not binary(autopilot):
         pytest.skip(f"{VARIABLES[autopilot]} does not name a simulator of {autopilot}")
-    dialect, answers = dialect_for(autopilot), {}
+    dialect = dialect_for(autopilot)
+    answers: facts.Chapter = {}
     for attempt in range(TRIES):
         work = tmp_path / str(attempt)
         work.mkdir()
