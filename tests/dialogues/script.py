@@ -391,7 +391,7 @@ def guided(dialect: Dialect) -> Chapter:
         step("the mode for set-points with set-points", *stream,
              replace(set_mode(set_points), listen_s=0.2), *stream, Look(3.0)),
         step("a place among them", *(replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.2),) * 60,
-             replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.02), Look()),
+             replace(set_point(PLACE_ALONE, NEAR[0]), listen_s=0.02), Look(3.0)),
         step("and silence", Look(4.0)),
         step("stay", order(LOITER_UNLIM)),
         step("land", order(LAND), Until(What.DISARMED, limit_s=200.0, narrate=True), Look(3.0)),

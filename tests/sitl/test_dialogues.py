@@ -22,13 +22,20 @@ TRIES = 2
 def test_a_real_autopilot_answers_as_written_down(autopilot: str, chapter: str, tmp_path: Path) -> None:
     if not binary(autopilot):
         pytest.skip(f"{VARIABLES[autopilot]} does not name a simulator of {autopilot}")
-    dialect, answers = dialect_for(autopilot), {}
+    dialect = dialect_for(autopilot)
+    answers: facts.Chapter = {}
     for attempt in range(TRIES):
         work = tmp_path / str(attempt)
         work.mkdir()
         with real(autopilot, work) as wire:
             held = Station(wire, dialect).hold(CHAPTERS[chapter](dialect))
-        answers = {step: answer.lines() for step, answer in held.items()}
-        if answers == facts.real(autopilot)[chapter]:
+        answers = without_size({step: answer.lines() for step, answer in held.items()})
+        if answers == without_size(facts.real(autopilot)[chapter]):
             return
-    assert answers == facts.real(autopilot)[chapter]
+    assert answers == without_size(facts.real(autopilot)[chapter])
+
+
+def without_size(chapter: facts.Chapter) -> facts.Chapter:
+    """Leave out how long the parameters' file is: each build of one version has other parameters."""
+    opened, *others = chapter.get("parameters", ("",))
+    return {**chapter, "parameters": (opened[: len("FILE OPENFILERO '")], *others)}
