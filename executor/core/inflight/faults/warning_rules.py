@@ -5,6 +5,7 @@ A link degrades before it is lost, a battery before it breaks the reserve. Warni
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -137,6 +138,31 @@ def low(view: WatchView) -> str:
 CLIMBS_M_S = 0.1
 
 
+def describe_straying(view: WatchView) -> str:
+    """Warn that the vehicle flies away from its waypoint, long after it should have reached it.
+
+    A state of PX4's main branch of July 2026 flew past waypoints and on, in mission mode and without a failsafe. It is
+    a warning alone: the crew sees on the map what it does.
+    """
+    state, fix, known = view.state, view.fresh_fix, view.state.assignment
+    if state.stage is not Stage.FLYING or not watch_view.is_in_mission_mode(view) or state.orders.held_s is not None:
+        return ""
+    if fix is None or fix.reckoned or known.board is None or known.leg_began is None or state.leg is None:
+        return ""
+    leg, end_m = known.board.legs[known.waypoint], known.board.places_m[known.waypoint]
+    begin_m = known.board.places_m[max(0, known.waypoint - 1)]
+    late_s = view.now_s - known.leg_began.at_s - known.pace.factor_of(state.leg.phase) * leg.duration_s
+    away_m = math.dist(fix.place_m, end_m)
+    recedes = sum(v * (end - at) for v, end, at in zip(fix.velocity_m_s, end_m, fix.place_m, strict=False)) < 0.0
+    if not recedes or late_s < max(STRAYS_LATE_S, leg.duration_s) or away_m < math.dist(begin_m, end_m) + STRAYS_M:
+        return ""
+    return position.STRAYS.format(away_m=away_m, late_s=late_s)
+
+
+STRAYS_LATE_S, STRAYS_M = 30.0, 30.0
+"""Delay, and distance beyond the leg's length, that neither a gust nor a wide turn explains."""
+
+
 TABLE: tuple[WarningRule, ...] = (
     WarningRule("silent", FaultKind.LINK, describe_silence),
     WarningRule("heartbeat", FaultKind.LINK, watch_view.HEARTBEAT.describe_missing),
@@ -153,6 +179,7 @@ TABLE: tuple[WarningRule, ...] = (
     WarningRule("gps", FaultKind.INTERRUPTION, gps_lost),
     WarningRule("position", FaultKind.INTERRUPTION, lambda view: describe_jump(view, view.context.limits.jump_warn_m)),
     WarningRule("low", FaultKind.INTERRUPTION, low),
+    WarningRule("strays", FaultKind.INTERRUPTION, describe_straying),
     WarningRule("stands", FaultKind.INTERRUPTION, describe_stuck_return),
 )
 

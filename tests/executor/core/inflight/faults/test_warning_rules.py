@@ -12,7 +12,7 @@ from executor.core.interface.messages import Heartbeat, Radio, Traffic
 from executor.core.state import link_quality
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.link_quality import LinkQuality
-from executor.core.state.vehicle_parts import Positioning
+from executor.core.state.vehicle_parts import LegBoundary, Positioning
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, nearly_empty, pack
 
@@ -44,6 +44,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("gps", flying(positioning=Positioning(fixed=at(age_s=3.0), lost_s=NOW_S - 1.0, why="no GPS fix"))),
     ("position", flying(jump=(33.0, NOW_S))),
     ("low", flying(fix=at(east_m=140.0, up_m=10.0))),
+    ("strays", flying(fix=at(east_m=900.0), leg_began=LegBoundary(NOW_S - 300.0, None))),
     ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),
 ]
 
@@ -86,6 +87,7 @@ def radio(
 
 
 HOMEWARD: dict[str, object] = {"stage": Stage.RETURNING, "anchor": replace(at(), boot_s=NOW_S - 20.0)}
+PAST: dict[str, object] = {"fix": at(east_m=368.0), "leg_began": LegBoundary(NOW_S - 77.0, None)}
 EDGES: list[tuple[str, VehicleState, VehicleState]] = [
     # Nothing is said at the last figure before the threshold, and something from there on.
     ("silent", flying(heard_s=NOW_S - 2.9), flying(heard_s=NOW_S - 3.0)),
@@ -120,6 +122,15 @@ EDGES: list[tuple[str, VehicleState, VehicleState]] = [
     ),
     ("stands", flying(**HOMEWARD, heartbeat=Heartbeat(3, 6, False, 4)), flying(**HOMEWARD)),
     ("stands", flying(**HOMEWARD | {"stage": Stage.FLYING}), flying(**HOMEWARD)),
+    # Its leg is 100 m long and takes 38 s; it flies on beyond the end.
+    ("strays", flying(**PAST | {"leg_began": LegBoundary(NOW_S - 76.0, None)}), flying(**PAST)),
+    ("strays", flying(**PAST | {"leg_began": None}), flying(**PAST)),
+    ("strays", flying(**PAST | {"fix": at(east_m=366.0)}), flying(**PAST)),
+    ("strays", flying(**PAST | {"fix": replace(at(east_m=368.0), velocity_m_s=(-3.0, 0.0, 0.0))}), flying(**PAST)),
+    ("strays", flying(**PAST | {"fix": replace(at(east_m=368.0), reckoned=True)}), flying(**PAST)),
+    ("strays", flying(**PAST, held_s=NOW_S - 9.0), flying(**PAST)),
+    ("strays", flying(**PAST, heartbeat=Heartbeat(3, 5, True, 4)), flying(**PAST)),
+    ("strays", flying(**PAST, stage=Stage.RETURNING), flying(**PAST)),
 ]
 
 
@@ -137,6 +148,7 @@ WORDS: list[tuple[VehicleState, str]] = [
     (flying(battery=pack(20.0, charge_state=2)), "the autopilot reports its battery low"),
     (flying(unhealthy=0x2000000), "the autopilot reports its battery not healthy"),
     (flying(jump=(33.0, NOW_S)), "its position jumped by 33 m"),
+    (flying(**PAST), "flies away from its waypoint: 131 m from it, 39 s late"),
 ]
 
 
