@@ -10,7 +10,8 @@ HiGHS, of the extra `proofs`, solves the programs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -26,9 +27,11 @@ from planner.kernels.pricing import (
     SAME_SET,
     WORD,
     Completions,
+    Cuts,
     Labels,
     Priced,
     bound_completions,
+    count_cuts,
     price_routes,
 )
 from planner.model import Instance, Plan, Route, segment_of
@@ -37,21 +40,29 @@ SEGMENTS_UP_TO = 2 * WORD
 """Maximum number of segments: a set of them has two words."""
 BUCKETS = 256
 ROOM = 2_000_000
-"""Maximum number of labels in one pricing: some 110 MB."""
-NEIGHBOURS = 10
-"""Segments that a route's label does not forget at once: the size of the ng-sets."""
+"""Maximum number of labels in one pricing: some 140 MB."""
+NEIGHBOURS, NEIGHBOURS_UP_TO = 8, 18
+"""Segments that a route's label does not forget at once: the size of the ng-sets, at first and when they have grown."""
 SMOOTHING = 0.7
 """Weight of the prizes of the best bound against those of the program (Wentges 1997): fewer rounds."""
 CUT_ROUNDS, CUTS = 40, 40
 """Rounds of subset-row cuts, and cuts in each."""
 VIOLATED = 0.02
 """Least violation of a cut that is added."""
+PRICED_CUTS, PRICED_CUTS_UP_TO = 20, 2 * WORD
+"""Cuts that pricing regards: how many are added at once, and at most; a set of them has two words."""
+ASK_EVERY = 100
+"""Checks of an integer program for an interrupt, of which one asks whether to go on."""
+PATIENCE, GAINED = 4, 0.01
+"""The bound is tightened as long as so many rounds gain this share of what it lacks."""
 FEWER = 0.7
 """Factor on the reduced cost of the routes to choose from, while there are too many."""
 NODES = 200
 """Maximum number of nodes of an integer program: a number, so that every machine gives the same answer."""
 ROUTES_UP_TO = 6_000
 """Maximum number of routes of one kind that an integer program may choose from."""
+SLACK_UP_TO = 0.02
+"""Share of the bound that pricing may ignore for lack of room; a tenth of it ends the tightening."""
 SAME = 1e-6
 """Relative tolerance of proofs: a route of a smaller gain is not priced."""
 NEVER = 1e300
@@ -121,16 +132,25 @@ class _Column(NamedTuple):
     visits: tuple[int, ...]
 
 
-class ColumnSearch:
-    """Lower bounds on the cost of covering all segments; each ``step`` prices once and may raise the bound."""
+class _Cut(NamedTuple):
+    triple: tuple[int, ...]
+    memory: frozenset[int]
 
-    def __init__(self, segments: int, kinds: Sequence[RouteKind], *, penalty: float) -> None:
+
+class ColumnSearch:
+    """Lower bounds on the cost of covering all segments; each ``step`` prices once and may raise the bound.
+
+    At the program's optimum the routes are tightened: cycles are forbidden, and subset-row cuts are added.
+    """
+
+    def __init__(self, segments: int, kinds: Sequence[RouteKind], *, penalty: float, goal: float = np.inf) -> None:
         """Begin without a route.
 
         Args:
             segments: number of segments, at most SEGMENTS_UP_TO.
             kinds: the routes to choose from.
             penalty: cost of leaving a segment out, more than a route with it can cost.
+            goal: bound that is sought, or the cost of a known plan.
 
         Raises:
             InstanceError: too many segments, or HiGHS is not installed.
@@ -139,14 +159,19 @@ class ColumnSearch:
         # Imported here: it loads for a tenth of a second, and is an extra.
         import highspy
 
-        self._kinds, self._segments = kinds, segments
-        near = _find_neighbourhoods(kinds, segments)
-        self._priced = [_build_priced(kind, near) for kind in kinds]
+        self._kinds, self._segments, self._goal = kinds, segments, goal
+        self._near = _find_neighbourhoods(kinds, segments)
+        self._priced = [_build_priced(kind, self._near) for kind in kinds]
+        self._cuts: list[_Cut] = []
+        self._counted, self._cut_tables = _tabulate_cuts([], segments), allocate(Cuts, n=segments)
+        self._past: list[float] = []
+        """Bound before each round of tightening."""
         self._completions = [allocate(Completions, b=BUCKETS, v=2 * segments) for _ in kinds]
         self._labels = allocate(Labels, c=ROOM, b=BUCKETS, v=2 * segments)
         self._found = np.zeros(max(2 * segments, ROUTES_UP_TO), dtype=np.int64)
         self._constant = sum(kind.weight * kind.idle * kind.count for kind in kinds)
-        self._columns: dict[_Column, None] = {}
+        self._columns: dict[_Column, int] = {}
+        """Each route's place in the program."""
         self._rule, self._smoothing = SAME_NODE, SMOOTHING
         self._slack = SAME
         """Share of the bound that pricing ignores; more when there is no room for all labels."""
@@ -154,7 +179,7 @@ class ColumnSearch:
         """Proven lower bound on the cost, with what is left out."""
         self.value = np.inf
         """Cost of the program: no bound gets beyond it without cuts."""
-        self._center: FloatArray | None = None
+        self._center = np.empty(0)
         """Prices of the best bound, and with them the least reduced cost of each kind."""
         self._leasts: list[float] = []
         self._program = highspy.Highs()  # type: ignore[no-untyped-call]
@@ -171,6 +196,8 @@ class ColumnSearch:
                 self._share_row[number] = self._program.getNumRow()
                 for _ in range(segments):
                     self._program.addRow(-np.inf, kind.share, 0, *none)
+        self._rows = self._program.getNumRow()
+        """Rows before those of the cuts."""
         for segment in range(segments):
             self._program.addCol(penalty, 0.0, np.inf, 1, np.array([segment], dtype=np.int32), np.ones(1))
 
@@ -182,21 +209,26 @@ class ColumnSearch:
                 if is_own and self._measure(kind, route.visits) <= kind.limit:
                     self._add(number, route.visits)
 
-    def _add(self, number: int, visits: tuple[int, ...]) -> bool:
-        """Add a route unless it is known; return whether it was not."""
+    def _add(self, number: int, visits: tuple[int, ...], dual: FloatArray | None = None) -> bool:
+        """Add a route unless it is known, or gains nothing at some prices; return whether it was added."""
         column = _Column(number, visits)
         if column in self._columns:
             return False
-        self._columns[column] = None
         kind = self._kinds[number]
         segments, times = np.unique(np.array(visits) >> 1, return_counts=True)
         rows, entries = [segments, [self._segments + number]], [times, [1]]
         if number in self._share_row:
             rows.append(segments + self._share_row[number])
             entries.append(times)
-        index = np.concatenate(rows).astype(np.int32)
+        counts = _count_routes(*self._counted, [visits])[:, 0]
+        rows.append(self._rows + np.flatnonzero(counts))
+        entries.append(counts[counts > 0])
+        index, entry = np.concatenate(rows).astype(np.int32), np.concatenate(entries).astype(np.float64)
         cost = kind.weight * (self._measure(kind, visits) - kind.idle)
-        self._program.addCol(cost, 0.0, np.inf, len(index), index, np.concatenate(entries).astype(np.float64))
+        if dual is not None and cost - dual[index] @ entry >= -SAME * (1 + abs(cost)):
+            return False
+        self._columns[column] = self._program.getNumCol()
+        self._program.addCol(cost, 0.0, np.inf, len(index), index, entry)
         return True
 
     @staticmethod
@@ -209,11 +241,12 @@ class ColumnSearch:
         self._program.run()
         self.value = self._program.getInfo().objective_function_value + self._constant
         dual = np.array(self._program.getSolution().row_dual)
-        center = dual if self._center is None else self._center
+        center = self._center if len(self._center) > 0 else dual
         prices = self._smoothing * center + (1 - self._smoothing) * dual
-        added = sum(self._gains(dual, route) and self._add(*route) for route in self._price(prices))
+        slack = self._slack
+        added = sum(self._add(*route, dual) for route in self._price(prices))
         if self.value - self.bound <= SAME * (1 + abs(self.value)):
-            return False
+            return self._tighten()
         if added > 0:
             return True
         if self._smoothing > 0:
@@ -221,14 +254,102 @@ class ColumnSearch:
         elif self._rule == SAME_NODE:
             self._rule, self._smoothing = SAME_MEMORY, SMOOTHING
         else:
-            return False
+            return slack < self._slack < SLACK_UP_TO or (slack == self._slack and self._tighten())
         return True
 
-    def _gains(self, dual: FloatArray, route: _Column) -> bool:
-        """Return whether a route lowers the program's cost."""
-        kind, segments = self._kinds[route.kind], np.array(route.visits) >> 1
-        cost = kind.weight * (self._measure(kind, route.visits) - kind.idle) - dual[self._segments + route.kind]
-        return bool(cost - self._prizes_of(route.kind, dual)[segments].sum() < -SAME * (1 + abs(cost)))
+    def _tighten(self) -> bool:
+        """Forbid cycles of the chosen routes and add cuts that these violate; return whether that may pay."""
+        self._past.append(self.bound)
+        lacks = min(self._goal, 2 * abs(self.bound)) - self.bound
+        is_slow = len(self._past) > PATIENCE and self.bound - self._past[-1 - PATIENCE] < GAINED * lacks
+        if lacks <= 0 or is_slow or self._slack > SLACK_UP_TO / 10:
+            return False
+        solution = self._program.getSolution()
+        shares, duals = np.array(solution.col_value), np.array(solution.row_dual)[self._rows :]
+        self._drop_cuts(np.flatnonzero((duals >= 0) & (self._center[self._rows :] >= 0)))
+        used = {column: shares[place] for column, place in self._columns.items() if shares[place] > SAME}
+        grown = sum([self._forbid_cycle(column.visits) for column in used])
+        if grown > 0:
+            self._bar_cycles()
+        if not self._add_cuts(used) and grown == 0:
+            return False
+        self._rule, self._smoothing = SAME_NODE, SMOOTHING
+        return True
+
+    def _drop_cuts(self, numbers: IntArray) -> None:
+        """Take cuts without a price out of the program."""
+        self._program.deleteRows(len(numbers), (self._rows + numbers).astype(np.int32))
+        self._center = np.delete(self._center, self._rows + numbers)
+        self._cuts = [cut for number, cut in enumerate(self._cuts) if number not in set(numbers.tolist())]
+        self._counted = _tabulate_cuts(self._cuts, self._segments)
+
+    def _forbid_cycle(self, visits: tuple[int, ...]) -> bool:
+        """Let the segments between two visits to another one remember it; return whether they did not."""
+        last, grown = dict[int, int](), False
+        for place, visit in enumerate(visits):
+            segment = segment_of(visit)
+            between = [segment_of(one) for one in visits[last.get(segment, place) + 1 : place]]
+            bit = np.int64(1 << segment % WORD)
+            fits = all(sum(int(word).bit_count() for word in self._near[one]) < NEIGHBOURS_UP_TO for one in between)
+            if between and fits:
+                self._near[between, segment // WORD] |= bit
+                grown = True
+            last[segment] = place
+        return grown
+
+    def _bar_cycles(self) -> None:
+        """Bar the routes that visit a segment again which they have not forgotten."""
+        near = [int(low) | int(high) << WORD for low, high in self._near]
+        barred = []
+        for column, place in self._columns.items():
+            forbidden = 0
+            for visit in column.visits:
+                if forbidden >> segment_of(visit) & 1:
+                    barred.append(place)
+                    break
+                forbidden = forbidden & near[segment_of(visit)] | 1 << segment_of(visit)
+        none = np.zeros(len(barred))
+        self._program.changeColsBounds(len(barred), np.array(barred, dtype=np.int32), none, none)
+
+    def _add_cuts(self, used: Mapping[_Column, float]) -> bool:
+        """Add the cuts that the chosen routes violate most, and return whether there are any."""
+        routes = [column.visits for column in used]
+        visited = np.zeros((self._segments, len(routes)), dtype=np.int8)
+        for place, visits in enumerate(routes):
+            visited[[segment_of(visit) for visit in visits], place] = 1
+        known = {cut.triple: number for number, cut in enumerate(self._cuts)}
+        room = min(PRICED_CUTS, PRICED_CUTS_UP_TO - len(self._cuts))
+        found = _find_violated_triples(visited, np.array(list(used.values())))
+        cuts = list[_Cut]()
+        for triple in map(tuple, found.tolist()):
+            memory = frozenset(triple).union(*(_find_memory(visits, triple) for visits in routes))
+            if len(cuts) < room:
+                cuts.append(_Cut(triple, memory | (self._cuts[known[triple]].memory if triple in known else set())))
+        columns = list(self._columns)
+        counted = _count_routes(*_tabulate_cuts(cuts, self._segments), [column.visits for column in columns])
+        for cut, counts in zip(cuts, counted, strict=True):
+            paid = np.flatnonzero(counts)
+            index = np.array([self._columns[columns[place]] for place in paid], dtype=np.int32)
+            self._program.addRow(-np.inf, 1.0, len(paid), index, counts[paid].astype(np.float64))
+            self._cuts.append(cut)
+        self._center = np.append(self._center, np.zeros(len(cuts)))
+        self._counted = _tabulate_cuts(self._cuts, self._segments)
+        return len(cuts) > 0
+
+    def _price_cuts(self, prices: FloatArray) -> None:
+        """Set the tables of the cuts that have a price."""
+        tables = self._cut_tables
+        for table in tables:
+            table[:] = 0
+        price = np.zeros(2 * 64)
+        costly = [(cut, -one) for cut, one in zip(self._cuts, prices[self._rows :], strict=True) if one < 0]
+        for number, (cut, one) in enumerate(costly):
+            word, bit = number // WORD, np.int64(1 << number % WORD)
+            price[64 * word + number % WORD] = one
+            tables.member[list(cut.triple), word] |= bit
+            tables.memory[list(cut.memory), word] |= bit
+        bits = np.arange(256)[:, np.newaxis] >> np.arange(8) & 1
+        tables.price[:] = price.reshape(16, 8) @ bits.T
 
     def _prizes_of(self, number: int, prices: FloatArray) -> FloatArray:
         """Return (n,) float64, what a route of a kind earns for each segment."""
@@ -240,6 +361,7 @@ class ColumnSearch:
     def _price(self, prices: FloatArray) -> list[_Column]:
         """Return routes of negative reduced cost at some prices; raise the bound if these prove a better one."""
         bound, routes, leasts = self._sum_prices(prices), list[_Column](), list[float]()
+        self._price_cuts(prices)
         scale = 1 + abs(self.value)
         for number, kind in enumerate(self._kinds):
             least = self._bound_reduced_cost(number, prices)
@@ -249,15 +371,10 @@ class ColumnSearch:
             ends = [int(label) for label in self._found[: 2 * self._segments] if label >= 0]
             found = [_Column(number, self._trace(label)) for label in ends]
             if self._rule == SAME_MEMORY and labels >= 0:
-                prizes = self._prizes_of(number, prices)
-                costs = [
-                    kind.weight * (self._measure(kind, route.visits) - kind.idle)
-                    - prizes[np.array(route.visits) >> 1].sum()
-                    for route in found
-                ]
-                least = max(least, min(costs, default=-ignored - 1e-9))
+                costs = self._labels.cost[ends] + kind.weight * (kind.home[self._labels.visit[ends]] - kind.idle)
+                least = max(least, costs.min(initial=-ignored - 1e-9))
             elif labels < 0 and self._rule == SAME_MEMORY:
-                self._slack *= 4
+                self._slack *= 10
             leasts.append(min(0.0, least))
             bound += kind.count * leasts[-1]
             routes += found
@@ -271,7 +388,8 @@ class ColumnSearch:
             self._kinds[number].share * float(np.minimum(prices[row : row + self._segments], 0.0).sum())
             for number, row in self._share_row.items()
         )
-        return float(np.maximum(prices[: self._segments], 0.0).sum()) + shares + self._constant
+        cuts = float(np.minimum(prices[self._rows :], 0.0).sum())
+        return float(np.maximum(prices[: self._segments], 0.0).sum()) + shares + cuts + self._constant
 
     def _bound_reduced_cost(self, number: int, prices: FloatArray) -> float:
         """Return a lower bound on the reduced cost of all routes of a kind, and set its completions."""
@@ -289,8 +407,8 @@ class ColumnSearch:
         if rule == SAME_SET:
             priced = priced._replace(near=np.full_like(priced.near, 2**WORD - 1))
         return price_routes(
-            priced, kind.weight, self._prizes_of(number, prices), self._completions[number], most, rule, self._labels,
-            self._found,
+            priced, kind.weight, self._prizes_of(number, prices), self._cut_tables, self._completions[number], most,
+            rule, self._labels, self._found,
         )  # fmt: skip
 
     def _trace(self, label: int) -> tuple[int, ...]:
@@ -300,7 +418,9 @@ class ColumnSearch:
             label = int(self._labels.parent[label])
         return tuple(reversed(visits))
 
-    def choose_routes(self, ceiling: float) -> tuple[float, Plan | None]:
+    def choose_routes(
+        self, ceiling: float, go_on: Callable[[], bool] = lambda: True
+    ) -> tuple[float, Plan | None]:  # fmt: skip
         """Return a proven bound, and a plan of cost less than ``ceiling`` if one was found.
 
         An integer program chooses among all routes that such a plan may have: then the bound is the optimum or the
@@ -309,22 +429,24 @@ class ColumnSearch:
 
         Args:
             ceiling: cost that the plan must beat.
+            go_on: asked now and then; whether to go on.
         """
         gap = max(0.0, ceiling - self.bound) + SAME
         least = gap / 64
         while not self._add_routes_within(gap):
             gap *= FEWER
-            if gap < least:
+            if gap < least or not go_on():
                 return self.bound, None
         self._cut(ceiling)
-        lowest, chosen = self._solve_whole(ceiling)
+        lowest, chosen = self._solve_whole(ceiling, go_on)
         bound = max(self.bound, min(ceiling, lowest, self.bound + gap))
         return bound, None if chosen is None else self._build_plan(chosen)
 
     def _add_routes_within(self, gap: float) -> bool:
         """Add all routes that a plan may have whose cost exceeds the bound by a gap; return false without room."""
-        if self._center is None:
+        if len(self._center) == 0:
             return False
+        self._price_cuts(self._center)
         for number, kind in enumerate(self._kinds):
             self._bound_reduced_cost(number, self._center)
             most = self._leasts[number] + gap + kind.weight * kind.idle
@@ -362,7 +484,7 @@ class ColumnSearch:
                 twice = (np.flatnonzero(visited[triple].sum(axis=0) >= 2) + n).astype(np.int32)
                 program.addRow(-np.inf, 1.0, len(twice), twice, np.ones(len(twice)))
 
-    def _solve_whole(self, ceiling: float) -> tuple[float, list[_Column] | None]:
+    def _solve_whole(self, ceiling: float, go_on: Callable[[], bool]) -> tuple[float, list[_Column] | None]:
         """Return a lower bound on the cost of plans of the known routes, and the best if it is below the ceiling."""
         import highspy
 
@@ -372,7 +494,15 @@ class ColumnSearch:
         solver.setOptionValue("objective_bound", ceiling - self._constant)
         solver.setOptionValue("mip_rel_gap", 0.1 * SAME)
         solver.setOptionValue("mip_max_nodes", NODES)
+        asked = itertools.count()
+
+        def interrupt(event: highspy.HighsCallbackEvent) -> None:
+            if next(asked) % ASK_EVERY == 0 and not go_on():
+                event.interrupt()
+
+        solver.cbMipInterrupt += interrupt
         solver.run()
+        solver.cbMipInterrupt -= interrupt
         status, info = solver.getModelStatus(), solver.getInfo()
         chosen, shares = None, list(solver.getSolution().col_value)
         if info.primal_solution_status == 2 and not any(share > 0.5 for share in shares[: self._segments]):
@@ -403,6 +533,36 @@ class ColumnSearch:
         fleet = sorted(vehicle for kind in self._kinds for vehicle in kind.vehicles)
         uncovered = tuple(segment for segment in range(self._segments) if segment not in seen)
         return Plan(tuple(routes.get(vehicle, Route(vehicle, ())) for vehicle in fleet), uncovered)
+
+
+def _tabulate_cuts(cuts: Sequence[_Cut], segments: int) -> tuple[IntArray, IntArray]:
+    """Return (c, n) int64 each, 1 where a cut is on a segment, and where it remembers an earlier visit."""
+    member, memory = (np.zeros((len(cuts), segments), dtype=np.int64) for _ in range(2))
+    for number, cut in enumerate(cuts):
+        member[number, list(cut.triple)] = 1
+        memory[number, list(cut.memory)] = 1
+    return member, memory
+
+
+def _count_routes(member: IntArray, memory: IntArray, routes: Sequence[tuple[int, ...]]) -> IntArray:
+    """Return (c, r) int64, how often routes pay for cuts."""
+    counts = np.zeros((len(member), len(routes)), dtype=np.int64)
+    flat = np.array([visit for visits in routes for visit in visits], dtype=np.int64)
+    count_cuts(flat, np.cumsum([len(visits) for visits in routes], dtype=np.int64), member, memory, counts)
+    return counts
+
+
+def _find_memory(visits: tuple[int, ...], triple: Sequence[int]) -> set[int]:
+    """Return the segments between the visits of a route to a triple which are counted together."""
+    memory, between, is_odd = set[int](), set[int](), False
+    for visit in visits:
+        segment = segment_of(visit)
+        if segment in triple:
+            memory |= between if is_odd else set()
+            between, is_odd = set(), not is_odd
+        else:
+            between.add(segment)
+    return memory
 
 
 def _find_violated_triples(visited: npt.NDArray[np.int8], shares: FloatArray) -> IntArray:

@@ -106,12 +106,12 @@ def bound_total_pct(instance: Instance, plan: Plan, *, go_on: Report = go_on_alw
         InstanceError: too many segments for a proof, or HiGHS is not installed.
     """
     value = evaluate(instance, plan, Cost.MINSUM).value
-    search = _search_cover(instance, list_kinds(instance), [plan])
+    search = _search_cover(instance, list_kinds(instance), [plan], goal=value)
     while search.step() and go_on(min(search.bound, value)):
         pass
     if not go_on(min(search.bound, value)):
         return min(search.bound, value), plan
-    bound, better = search.choose_routes(value)
+    bound, better = search.choose_routes(value, lambda: go_on(min(search.bound, value)))
     if better is None or evaluate(instance, better, Cost.MINSUM).value >= value:
         return min(bound, value), plan
     return min(bound, evaluate(instance, better, Cost.MINSUM).value), better
@@ -135,24 +135,24 @@ def bound_longest_pct(
         InstanceError: too many segments for a proof, or HiGHS is not installed.
     """
     fleet, low, known = len(instance.vehicles), least, [plan]
-    value = top = evaluate(instance, plan, Cost.MINMAX).value
-    for every in [False] * HALVINGS + [True] * (2 * HALVINGS):
-        if value - low <= PROVEN * value or not go_on(low):
-            break
-        limit = (low + (value if every else top)) / 2
-        if every and value - low <= NEARLY * value:
-            limit = value * (1 - PROVEN / 2)
-        verdict = decide_cover(
-            instance, limits=[limit] * fleet, known=known, go_on=_report_fixed(go_on, low), every=every
-        )  # fmt: skip
-        if isinstance(verdict, Plan):
-            known, value = [*known, verdict], evaluate(instance, verdict, Cost.MINMAX).value
-        elif not verdict:
-            low = limit
-        elif every:
-            break
-        else:
-            top = limit
+    value = evaluate(instance, plan, Cost.MINMAX).value
+    for every in (False, True):
+        top = value  # no limit from here on is refuted
+        for _ in range(2 * HALVINGS if every else HALVINGS):
+            if top - low <= PROVEN * value or not go_on(low):
+                break
+            is_near = every and top == value and value - low <= NEARLY * value
+            limit = value * (1 - PROVEN / 2) if is_near else (low + top) / 2
+            verdict = decide_cover(
+                instance, limits=[limit] * fleet, known=known, go_on=_report_fixed(go_on, low), every=every
+            )  # fmt: skip
+            if isinstance(verdict, Plan):
+                known, value = [*known, verdict], evaluate(instance, verdict, Cost.MINMAX).value
+                top = value
+            elif verdict:
+                top = limit
+            else:
+                low = limit
     return low, known[-1]
 
 
@@ -174,7 +174,7 @@ def decide_cover(
     """
     kinds = list_kinds(instance, limits)
     most = sum(kind.limit * kind.count for kind in kinds)
-    search = _search_cover(instance, kinds, known)
+    search = _search_cover(instance, kinds, known, goal=most)
     if _is_refuted(search, most, go_on, thorough=every):
         return False
     if not go_on(search.bound):
@@ -182,7 +182,7 @@ def decide_cover(
     if not every:
         return True
     ceiling = most * (1 + PROVEN)  # so that rounding excludes no plan
-    bound, plan = search.choose_routes(ceiling)
+    bound, plan = search.choose_routes(ceiling, lambda: go_on(search.bound))
     return bool(bound < ceiling) if plan is None else plan
 
 
@@ -197,9 +197,11 @@ def _is_refuted(search: ColumnSearch, most: float, go_on: Report = go_on_always,
     return search.bound > most
 
 
-def _search_cover(instance: Instance, kinds: Sequence[RouteKind], known: Sequence[Plan]) -> ColumnSearch:
+def _search_cover(
+    instance: Instance, kinds: Sequence[RouteKind], known: Sequence[Plan], *, goal: float
+) -> ColumnSearch:  # fmt: skip
     most = sum(kind.limit * kind.count for kind in kinds)
-    search = ColumnSearch(instance.segments, kinds, penalty=2.0 * most + 1.0)
+    search = ColumnSearch(instance.segments, kinds, penalty=2.0 * most + 1.0, goal=goal)
     for plan in known:
         search.add_plan(plan)
     return search
@@ -271,4 +273,4 @@ def _search_beside(
 ) -> tuple[ColumnSearch, float]:
     """Return the search for a cover by full routes and timed ones, and the most energy of the full ones."""
     most = sum(kind.limit * kind.count for kind in full)
-    return ColumnSearch(instance.segments, [*full, *timed], penalty=2.0 * most + 1.0), most
+    return ColumnSearch(instance.segments, [*full, *timed], penalty=2.0 * most + 1.0, goal=most), most

@@ -218,10 +218,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planner/test_coverage.py": ("planner/coverage_search.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
-    "tests/planner/test_proofs.py": (
-        "planner/columns.py",
-        "planner/kernels/pricing.py",
-    ),
+    "tests/planner/test_proofs.py": ("planner/columns.py",),
     "tests/planner/test_search.py": (
         "planner/plan_search.py",
         "planner/solve.py",

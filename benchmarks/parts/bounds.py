@@ -28,7 +28,6 @@ from planner import (
 from planner.bounds import ASCENT, explain_infeasibility
 from planner.fleet_state import event_times_s
 from planner.kernels.repair import SAME_TIME_S
-from planner.loss_scan import PROOF_STEPS, count_steps
 from planner.proofs import bound_earliest_window_s, decide_cover
 from planner.stop_rules import UNLIMITED, StopVerdict
 
@@ -51,6 +50,7 @@ LOSS_TIGHTNESS = 0.86
 LOSSES = 20
 """Losses of each radius with LEAST_OPEN to MOST_OPEN open segments."""
 LEAST_OPEN, MOST_OPEN = 14, 40
+LOSS_LIMIT_S = 60.0
 
 
 def make(setting: Setting) -> Json:
@@ -107,13 +107,14 @@ def _decide_losses(setting: Setting, radius_m: float) -> Json:
     chance, rows = np.random.default_rng(setting.seed), list[Json]()
     events_s = event_times_s(instance, plan)
     while len(rows) < setting.pieces(LOSSES, 2):
-        row = _decide_loss(instance, plan, int(chance.integers(VEHICLES)), float(chance.choice(events_s[:-1])))
+        lost, at_s = int(chance.integers(VEHICLES)), float(chance.choice(events_s[:-1]))
+        row = _decide_loss(instance, plan, lost, at_s, setting.seconds(LOSS_LIMIT_S))
         if row is not None:
             rows.append(row)
     return {"radius_m": radius_m, "segments": instance.segments, "rows": rows}
 
 
-def _decide_loss(instance: Instance, plan: Plan, lost: int, at_s: float) -> Json | None:
+def _decide_loss(instance: Instance, plan: Plan, lost: int, at_s: float, limit_s: float) -> Json | None:
     left = build_remaining_problem(instance, plan, lost, at_s + SAME_TIME_S)
     if not LEAST_OPEN <= len(left.open_segments) <= MOST_OPEN:
         return None
@@ -125,7 +126,9 @@ def _decide_loss(instance: Instance, plan: Plan, lost: int, at_s: float) -> Json
         verdict, how = "impossible", "trees"
     else:
         how = "columns"
-        answer = decide_cover(left.instance, known=[found.plan], go_on=count_steps(PROOF_STEPS))
+        answer = decide_cover(
+            left.instance, known=[found.plan], go_on=lambda _: time.process_time() - began_s < limit_s
+        )  # fmt: skip
         if answer is not True:
             verdict = "feasible" if isinstance(answer, Plan) else "impossible"
     return {
@@ -164,7 +167,8 @@ def report(result: Json) -> str:
     )
     about_losses = (
         f"Losses of a MinComb plan, tightness {LOSS_TIGHTNESS}, at times drawn from all its events, with {LEAST_OPEN} "
-        f"to {MOST_OPEN} open segments: 10,000 iterations of search, then the bound by spanning trees, then columns."
+        f"to {MOST_OPEN} open segments: 10,000 iterations of search, then the bound by spanning trees, then columns, "
+        f"{LOSS_LIMIT_S:g} s each at most."
     )
     heads = ("D_max m", "losses", "re-plan found", "by columns", "impossible by trees", "by columns", "open", "most s")
     return "\n\n".join(

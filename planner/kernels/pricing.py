@@ -4,6 +4,10 @@ Labels grow visit by visit, each with its energy, its reduced cost and the segme
 route's reduced cost is ``weight`` times its energy minus the prizes of its segments. ng-routes (Baldacci, Mingozzi,
 Roberti 2011, doi 10.1287/opre.1110.0975) forget a segment as soon as they visit one that does not have it in its
 neighbourhood: they include all routes, so their least reduced cost is a lower bound, and are far fewer to distinguish.
+
+A subset-row cut is on three segments: a route counts once for each two visits to them. With limited memory (Pecin,
+Pessoa, Poggi, Uchoa 2017, doi 10.1007/s12532-016-0108-8) a route forgets its first visit as soon as it visits a segment
+that the cut does not remember. Each count adds the cut's price to the reduced cost.
 """
 
 from __future__ import annotations
@@ -16,11 +20,11 @@ from planner.kernels.compiling import inner, kernel
 WORD = 62
 """Segments in one word of a set; a set has two."""
 SAME_NODE = 0
-"""A label is dominated by one at the same visit with no more energy and reduced cost, whatever either has visited."""
+"""A label is dominated by one at the same visit, in no higher bucket, of no more reduced cost: quick, not complete."""
 SAME_MEMORY = 1
-"""... and whose forbidden segments are a subset."""
+"""... with no more energy and reduced cost, whose forbidden segments are a subset."""
 SAME_SET = 2
-"""... and with the same forbidden segments: no two sets of segments are mixed up."""
+"""... with no more energy and the same forbidden segments: no two sets of segments are mixed up."""
 
 
 class Priced(NamedTuple):
@@ -42,6 +46,17 @@ class Priced(NamedTuple):
     """1 if every move is longer than a bucket, otherwise the most visits of a route."""
 
 
+class Cuts(NamedTuple):
+    """Subset-row cuts over ``n`` segments, a set of them in two words."""
+
+    member: Annotated[IntTable, "n 2"]
+    """Cuts that are on each segment."""
+    memory: Annotated[IntTable, "n 2"]
+    """Cuts that remember an earlier visit when a route visits the segment."""
+    price: Annotated[Table, "16 256"]
+    """Sum of the prices of the cuts in each byte of a set."""
+
+
 class Labels(NamedTuple):
     """Labels, ``c`` at most, in lists: one for each of ``b`` buckets of energy and ``v`` visits."""
 
@@ -53,12 +68,17 @@ class Labels(NamedTuple):
     low: Annotated[Ints, "c"]
     """Forbidden segments, the first word."""
     high: Annotated[Ints, "c"]
+    odd_low: Annotated[Ints, "c"]
+    """Cuts that remember one visit, the first word."""
+    odd_high: Annotated[Ints, "c"]
     link: Annotated[Ints, "c"]
     """Next label of its list, -1 at the end."""
+    unused: Annotated[Ints, "1"]
+    """First of the dominated labels, which are used again."""
     waiting: Annotated[IntTable, "b v"]
     """First label that is to be extended, -1 without one."""
     kept: Annotated[IntTable, "v b"]
-    """First label that was extended, -1 without one."""
+    """First label that was extended, -1 without one; for SAME_SET by a hash of its set instead of its bucket."""
     least: Annotated[Table, "v b"]
     """Least reduced cost of those."""
 
@@ -138,21 +158,55 @@ def find_completion(bound: Completions, bucket: int, visit: int, low: int, high:
 
 
 @inner()
-def is_dominated(labels: Labels, label: int, bucket: int, rule: int) -> bool:
-    """Return whether a label is dominated by one that was extended."""
+def sum_cut_prices(cuts: Cuts, low: int, high: int) -> float:
+    """Return the sum of the prices of a set of cuts."""
+    total, byte = 0.0, 0
+    while low != 0:
+        total += cuts.price[byte, low & 255]
+        low >>= 8
+        byte += 1
+    byte = 8
+    while high != 0:
+        total += cuts.price[byte, high & 255]
+        high >>= 8
+        byte += 1
+    return total
+
+
+@inner(inline=True)
+def hash_set(low: int, high: int) -> int:
+    """Return a number from 0 for a set of segments."""
+    return (((low ^ (high << 1)) * 2654435761) >> 20) & 0xFFFF
+
+
+@inner()
+def is_dominated(cuts: Cuts, labels: Labels, label: int, bucket: int, rule: int) -> bool:
+    """Return whether a label is dominated by one that was extended, even if that one pays for all its cuts."""
     visit, energy, cost = labels.visit[label], labels.energy[label], labels.cost[label]
     low, high = labels.low[label], labels.high[label]
+    odd_low, odd_high = labels.odd_low[label], labels.odd_high[label]
+    if rule == SAME_NODE:
+        for earlier in range(bucket):
+            if labels.least[visit, earlier] <= cost:
+                return True
+        better: bool = labels.least[visit, bucket] < cost
+        return better
+    if rule == SAME_SET:
+        other = labels.kept[visit, hash_set(low, high) % labels.kept.shape[1]]
+        while other >= 0:
+            if labels.low[other] == low and labels.high[other] == high and labels.energy[other] <= energy + 1e-12:
+                return True
+            other = labels.link[other]
+        return False
     for earlier in range(bucket, -1, -1):
         if labels.least[visit, earlier] > cost + 1e-12:
             continue
         other = labels.kept[visit, earlier]
         while other >= 0:
-            if labels.cost[other] <= cost + 1e-12 and labels.energy[other] <= energy + 1e-12:
-                if rule == SAME_NODE:
-                    return True
-                if rule == SAME_MEMORY and labels.low[other] & ~low == 0 and labels.high[other] & ~high == 0:
-                    return True
-                if rule == SAME_SET and labels.low[other] == low and labels.high[other] == high:
+            is_less = labels.cost[other] <= cost + 1e-12 and labels.energy[other] <= energy + 1e-12
+            if is_less and labels.low[other] & ~low == 0 and labels.high[other] & ~high == 0:
+                owed = sum_cut_prices(cuts, labels.odd_low[other] & ~odd_low, labels.odd_high[other] & ~odd_high)
+                if labels.cost[other] + owed <= cost + 1e-12:
                     return True
             other = labels.link[other]
     return False
@@ -160,24 +214,48 @@ def is_dominated(labels: Labels, label: int, bucket: int, rule: int) -> bool:
 
 @inner()
 def add_label(
-    labels: Labels, label: int, parent: int, visit: int, energy: float, cost: float, low: int, high: int, bucket: int
-) -> None:
-    """Store a label in the list of those that are to be extended; its segment is forbidden from now on."""
+    cuts: Cuts, labels: Labels, count: int, parent: int, visit: int, energy: float, cost: float, low: int, high: int,
+    bucket: int, rule: int,
+) -> int:  # fmt: skip
+    """Store a label in the list of those that are to be extended, and return the new number of labels, -1 without room.
+
+    Its segment is forbidden from now on, and its cuts count the visit.
+    """
     segment = visit >> 1
+    odd_low, odd_high = 0, 0
+    if parent >= 0:
+        odd_low = labels.odd_low[parent] & cuts.memory[segment, 0]
+        odd_high = labels.odd_high[parent] & cuts.memory[segment, 1]
+        cost += sum_cut_prices(cuts, odd_low & cuts.member[segment, 0], odd_high & cuts.member[segment, 1])
+    if rule == SAME_NODE:
+        if cost >= labels.least[visit, bucket]:
+            return count
+        labels.least[visit, bucket] = cost
+    label = labels.unused[0]
+    if label >= 0:
+        labels.unused[0] = labels.link[label]
+    elif count == len(labels.energy):
+        return -1
+    else:
+        label = count
+        count += 1
     if segment < WORD:
         low |= 1 << segment
     else:
         high |= 1 << (segment - WORD)
+    labels.odd_low[label] = odd_low ^ cuts.member[segment, 0]
+    labels.odd_high[label] = odd_high ^ cuts.member[segment, 1]
     labels.energy[label], labels.cost[label] = energy, cost
     labels.visit[label], labels.parent[label] = visit, parent
     labels.low[label], labels.high[label] = low, high
     labels.link[label] = labels.waiting[bucket, visit]
     labels.waiting[bucket, visit] = label
+    return count
 
 
 @inner()
 def start_labels(
-    priced: Priced, weight: float, prize: Floats, bound: Completions, most: float, labels: Labels
+    priced: Priced, weight: float, prize: Floats, cuts: Cuts, bound: Completions, most: float, rule: int, labels: Labels
 ) -> int:  # fmt: skip
     """Store a label for each first visit, and return their number."""
     buckets, visits = bound.first.shape
@@ -190,14 +268,14 @@ def start_labels(
         cost = weight * energy - prize[visit >> 1]
         if cost + bound.first[min(buckets - 1, int(left / priced.width)), visit] >= most:
             continue
-        add_label(labels, count, -1, visit, energy, cost, 0, 0, min(buckets - 1, int(energy / priced.width)))
-        count += 1
+        into = min(buckets - 1, int(energy / priced.width))
+        count = add_label(cuts, labels, count, -1, visit, energy, cost, 0, 0, into, rule)
     return count
 
 
 @inner()
 def extend_label(
-    priced: Priced, weight: float, prize: Floats, bound: Completions, most: float,
+    priced: Priced, weight: float, prize: Floats, cuts: Cuts, bound: Completions, most: float, rule: int,
     labels: Labels, label: int, count: int,
 ) -> int:  # fmt: skip
     """Store the labels that continue one by another visit, and return the new number of labels, -1 without room."""
@@ -216,17 +294,41 @@ def extend_label(
         there = min(buckets - 1, int(left / priced.width))
         if grown + find_completion(bound, there, onward, next_low, next_high) >= most:
             continue
-        if count == len(labels.energy):
-            return -1
         into = min(buckets - 1, int(spent / priced.width))
-        add_label(labels, count, label, onward, spent, grown, next_low, next_high, into)
-        count += 1
+        count = add_label(cuts, labels, count, label, onward, spent, grown, next_low, next_high, into, rule)
+        if count < 0:
+            return -1
     return count
 
 
 @kernel()
+def count_cuts(visits: Ints, ends: Ints, member: IntTable, memory: IntTable, counts: IntTable) -> None:
+    """Count how often routes pay for cuts.
+
+    Args:
+        visits: the visits of all routes, one after the other.
+        ends: (r,), the end of each route in ``visits``.
+        member: (c, n), 1 where a cut is on a segment.
+        memory: (c, n), 1 where it remembers an earlier visit.
+        counts: (c, r), set.
+    """
+    for cut in range(len(member)):
+        begin = 0
+        for route in range(len(ends)):
+            odd, count = 0, 0
+            for place in range(begin, ends[route]):
+                segment = visits[place] >> 1
+                odd = (odd & memory[cut, segment]) + member[cut, segment]
+                if odd == 2:
+                    odd = 0
+                    count += 1
+            counts[cut, route] = count
+            begin = ends[route]
+
+
+@kernel()
 def price_routes(
-    priced: Priced, weight: float, prize: Floats, bound: Completions, most: float, rule: int,
+    priced: Priced, weight: float, prize: Floats, cuts: Cuts, bound: Completions, most: float, rule: int,
     labels: Labels, found: Ints,
 ) -> tuple[int, int]:  # fmt: skip
     """Return the number of labels and of routes found whose reduced cost is less than ``most``.
@@ -237,6 +339,7 @@ def price_routes(
         priced: the routes.
         weight: cost of one unit of energy.
         prize: (n,): of each segment.
+        cuts: the subset-row cuts.
         bound: as ``bound_completions`` sets it for the same prizes.
         most: routes of this reduced cost or more are not searched.
         rule: when a label is dominated: SAME_NODE, SAME_MEMORY or SAME_SET.
@@ -249,7 +352,8 @@ def price_routes(
     labels.waiting[:] = -1
     labels.kept[:] = -1
     labels.least[:] = 1e300
-    count = start_labels(priced, weight, prize, bound, most, labels)
+    labels.unused[0] = -1
+    count = start_labels(priced, weight, prize, cuts, bound, most, rule, labels)
     for bucket in range(buckets):
         again = True
         while again:
@@ -258,11 +362,16 @@ def price_routes(
                 labels.waiting[bucket, visit] = -1
                 while label >= 0:
                     following = labels.link[label]
-                    if is_dominated(labels, label, bucket, rule):
+                    if is_dominated(cuts, labels, label, bucket, rule):
+                        labels.link[label] = labels.unused[0]
+                        labels.unused[0] = label
                         label = following
                         continue
-                    labels.link[label] = labels.kept[visit, bucket]
-                    labels.kept[visit, bucket] = label
+                    place = bucket
+                    if rule == SAME_SET:
+                        place = hash_set(labels.low[label], labels.high[label]) % buckets
+                    labels.link[label] = labels.kept[visit, place]
+                    labels.kept[visit, place] = label
                     labels.least[visit, bucket] = min(labels.least[visit, bucket], labels.cost[label])
                     total = labels.cost[label] + weight * priced.home[visit]
                     if labels.energy[label] + priced.home[visit] <= priced.budget and total < most:
@@ -273,7 +382,7 @@ def price_routes(
                             routes += 1
                         elif found[visit] < 0 or labels.cost[label] < labels.cost[found[visit]]:
                             found[visit] = label
-                    count = extend_label(priced, weight, prize, bound, most, labels, label, count)
+                    count = extend_label(priced, weight, prize, cuts, bound, most, rule, labels, label, count)
                     if count < 0:
                         return -1, routes
                     label = following

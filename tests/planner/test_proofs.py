@@ -59,6 +59,18 @@ def test_every_step_proves_a_bound(instance: Instance) -> None:
     assert search.bound == pytest.approx(search.value, rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.parametrize("seed", [10, 15, 17, 30])
+def test_tightened_routes_close_what_the_first_program_leaves_open(seed: int) -> None:
+    instance = random_instance(seed, 7, fleet(26.0, 26.0, 26.0))
+    best = solve_exact(instance, cost=Cost.MINSUM, stop=TO_THE_END).evaluation.value
+    search = ColumnSearch(instance.segments, list_kinds(instance), penalty=1e3)
+    values = []
+    while search.step():
+        values.append(search.value)
+    assert min(values) < 0.98 * best
+    assert search.bound == pytest.approx(best, rel=1e-5)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_no_plan_has_a_window_that_begins_before_the_bound(seed: int) -> None:
     instance = random_instance(seed, 4, fleet(20.0, 20.0, 20.0))
