@@ -110,6 +110,17 @@ READERS: Mapping[str, Callable[[Fields], messages.Body]] = {
 }
 
 
+class _Parser(dialect.MAVLink):
+    """Parser that takes a time from frames with a right signature alone, as MAVLink's C library does."""
+
+    def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:  # noqa: N803
+        known = dict(self.signing.stream_timestamps)
+        right = bool(super().check_signature(msgbuf, srcSystem, srcComponent))
+        if not right:
+            self.signing.stream_timestamps = known
+        return right
+
+
 class Codec:
     """Pack and unpack for one vehicle."""
 
@@ -155,7 +166,7 @@ class Codec:
     def decode(self, datagram: bytes) -> list[messages.Received]:
         """Return a datagram's messages for this vehicle; damaged and unknown ones are left out."""
         # One parser per datagram: a cut-off frame must not swallow the start of the next one.
-        parser = dialect.MAVLink(None)
+        parser = _Parser(None)
         parser.robust_parsing = True
         parser.signing = self._packer.signing  # known signing streams, and their times
         received = []

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from simulator import messages
-from simulator.config import AutopilotKind
+from simulator.config import AutopilotKind, Signing
 from simulator.messages import (
     MissionRequest,
     ParamRequestRead,
@@ -138,3 +138,15 @@ def test_texts_of_every_length_come_whole(length: int) -> None:
     last = raw[-1]
     assert isinstance(last, bytes)
     assert len(parts) == 1 or len(last) < 50
+
+
+def test_a_signature_that_a_radio_has_damaged_makes_no_later_frame_an_old_one() -> None:
+    """Its report overwrites the time in it, which no checksum covers: the vehicle heard nothing any more."""
+    key = bytes(range(32))
+    ground, vehicle = Codec(255, component=190, signing=Signing(key, 0)), Codec(1, signing=Signing(key, 0))
+    frames = [
+        ground.encode(build_message("PING", time_usec=0, seq=seq, target_system=1, target_component=1), 1.0)
+        for seq in range(3)
+    ]
+    damaged = frames[1][:-12] + b"\xff" * 6 + frames[1][-6:]
+    assert [len(vehicle.decode(frame)) for frame in (frames[0], damaged, frames[2])] == [1, 0, 1]
