@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 import tempfile
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -41,7 +41,7 @@ from missions.fences import Fence
 from missions.geo import LocalFrame
 from simulator.config import Signing, SimVehicle
 from simulator.messages import Heartbeat, Received
-from simulator.radio import RADIO_COMPONENT, RADIO_SYSTEM, Radio, parse_radio
+from simulator.radio import GROUND, RADIO_COMPONENT, RADIO_SYSTEM, Radio, parse_radio
 
 SPAN_M = 30.0
 SPANS_EACH = 32
@@ -51,6 +51,10 @@ LOST_S = 45.0
 LIMIT_S = 1500.0
 HOME = LocalFrame(49.6, 15.6, 450.0)
 MISSION_ITEM_INT, ITEM_HEAD = 73, 10
+ORDERS = frozenset({11, 41, 75, 76})
+"""SET_MODE, MISSION_SET_CURRENT, COMMAND_INT and COMMAND_LONG."""
+KEPT_BYTES = 600
+"""Bytes sent last that are searched for a frame: more than two frames."""
 LATE_S = 2.0
 """Gap between two GCS heartbeats heard by a vehicle above which one is late: by more than a second."""
 KEY = bytes(range(32))
@@ -101,6 +105,12 @@ class RadioFlight:
     """Number of gaps above `LATE_S` between GCS heartbeats at a vehicle."""
     heartbeat_gap_s: float = 0.0
     """Longest of these gaps."""
+    order_wait_s: float = 0.0
+    """Longest time between sending an order and its last byte on the air."""
+    order_behind_s: float = 0.0
+    """The part of that behind other frames, after our radio's first packet since: without its wait for its window."""
+    behind_s: float = 0.0
+    """The same of any frame: an order sent with it would have waited as long."""
     up_bytes_s: float = 0.0
     cut_bytes: int = 0
     """Bytes cut by a full radio buffer."""
@@ -118,6 +128,50 @@ class RadioFlight:
 
 
 @dataclass(slots=True)
+class _Waiting:
+    """A frame that our radio has not sent yet."""
+
+    frame: bytes
+    since_s: float
+    first_s: float = 0.0
+    """End of the first packet after that; 0 while there is none."""
+
+
+@dataclass(slots=True)
+class _Buffer:
+    """Buffer of our radio, and the longest waits in it."""
+
+    waiting: deque[_Waiting] = field(default_factory=deque)
+    sent: bytes = b""
+    order_wait_s: float = 0.0
+    order_behind_s: float = 0.0
+    behind_s: float = 0.0
+
+    def forget_waits(self) -> None:
+        """Begin anew, as before the missions nothing but questions is sent."""
+        self.order_wait_s = self.order_behind_s = self.behind_s = 0.0
+
+    def send_packet(self, packet: bytes, now_s: float) -> None:
+        """Note which frames are complete with this packet; a frame that later ones overtake was cut."""
+        self.sent = self.sent[-KEPT_BYTES:] + packet
+        for one in self.waiting:
+            one.first_s = one.first_s or (now_s if one.since_s < now_s else 0.0)
+        for place in reversed(range(len(self.waiting))):
+            one = self.waiting[place]
+            if one.first_s and one.frame in self.sent:
+                break
+        else:
+            return
+        for one in [self.waiting.popleft() for _ in range(place + 1)]:
+            if one.frame not in self.sent:
+                continue
+            self.behind_s = max(self.behind_s, now_s - one.first_s)
+            if int.from_bytes(one.frame[7:10], "little") in ORDERS:
+                self.order_wait_s = max(self.order_wait_s, now_s - one.since_s)
+                self.order_behind_s = max(self.order_behind_s, now_s - one.first_s)
+
+
+@dataclass(slots=True)
 class _Air:
     """Frames sent into the radios, and heartbeats heard by the vehicles."""
 
@@ -125,6 +179,7 @@ class _Air:
     up_bytes: int = 0
     heard_s: dict[str, float] = field(default_factory=dict)
     gaps_s: list[float] = field(default_factory=list)
+    buffers: list[_Buffer] = field(default_factory=list)
 
     def take_up(self, data: bytes) -> None:
         """Count a frame of the ground station."""
@@ -163,6 +218,8 @@ class RadioRun(VirtualRun):
         """Check what a flight would change, as before every flight; nothing changes."""
         await read_changes(context, self.links, self.clock)
         self._stages["asked"] = asyncio.get_running_loop().time()
+        for buffer in self._air.buffers:
+            buffer.forget_waits()
         await super()._upload_fences(context, first)
 
     async def _supervise(self, context: Context, state: FleetState, until_s: float) -> tuple[Flight, bool]:
@@ -177,14 +234,21 @@ class RadioRun(VirtualRun):
 
 
 def _count_sent(radio: Radio, air: _Air) -> None:
-    send = radio.send
+    send, deliver, buffer = radio.send, radio.deliver_packet, _Buffer()
+    air.buffers.append(buffer)
 
     def counted(vehicle: int, data: bytes, now_s: float, *, up: bool) -> None:
         if up:
             air.take_up(data)
+            buffer.waiting.append(_Waiting(data, now_s))
         send(vehicle, data, now_s, up=up)
 
-    radio.send = counted  # type: ignore[method-assign]
+    def delivered(number: int, packet: bytes, sent_s: float, took_s: float) -> None:
+        if number == GROUND:
+            buffer.send_packet(packet, sent_s)
+        deliver(number, packet, sent_s, took_s)
+
+    radio.send, radio.deliver_packet = counted, delivered  # type: ignore[method-assign]
 
 
 def _count_heartbeats(name: str, autopilot: Any, air: _Air) -> None:  # noqa: ANN401
@@ -296,6 +360,9 @@ def _judge_air(
         replan_sent_times=round(sum(air.items.values()) / len(air.items), 2) if air.items else 0.0,
         late_heartbeats=sum(gap > LATE_S for gap in air.gaps_s),
         heartbeat_gap_s=round(max(air.gaps_s, default=0.0), 2),
+        order_wait_s=round(max(one.order_wait_s for one in air.buffers), 2),
+        order_behind_s=round(max(one.order_behind_s for one in air.buffers), 2),
+        behind_s=round(max(one.behind_s for one in air.buffers), 2),
         up_bytes_s=round(air.up_bytes / stages["over"], 1),
         cut_bytes=int(stages["cut"]),
         false_faults=tuple(f"{one.vehicle}: {one.reason}" for one in flight.report.faults if one.vehicle != lost),
@@ -331,11 +398,14 @@ INTRODUCTION = (
     " are a channel of each vehicle's own. `Asked`: from the first heartbeat to the checklist; `loaded`: all first "
     "missions on board and proven; `re-plan`: from the solver's answer until the last survivor's mission is on board "
     "and proven. `Late` counts the times that a vehicle did not hear our heartbeat for more than {late:g} s, with the"
-    " longest."
+    " longest. `Order waits`: from the checklist on, the longest time from sending an order until our radio has put "
+    "all of it on the air; `behind others`: the part of that after the first packet since, which other frames took; "
+    "`any frame`: the same of whatever we sent, as an order sent with it would have waited as long."
 )
 COLUMNS = (
     "radio", "autopilot", "vehicles", "signed", "seed", "asked (s)", "loaded (s)", "items", "each sent", "re-plan (s)",
-    "each sent then", "late", "longest (s)", "sent up (B/s)", "false faults", "broken proofs", "all inspected",
+    "each sent then", "late", "longest (s)", "order waits (s)", "behind others (s)", "any frame (s)", "sent up (B/s)",
+    "false faults", "broken proofs", "all inspected",
 )  # fmt: skip
 
 
@@ -357,7 +427,9 @@ def report_radio(content: Mapping[str, Any]) -> Report:
             row["radio"], row["autopilot"], str(row["vehicles"]), "yes" if row["signed"] else "no", str(row["seed"]),
             figure(row["asked_s"], 1), figure(row["loaded_s"], 1), str(row["items"]),
             figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
-            str(row["late_heartbeats"]), figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
+            str(row["late_heartbeats"]), figure(row["heartbeat_gap_s"], 1),
+            *(figure(row[name], 1) for name in ("order_wait_s", "order_behind_s", "behind_s")),
+            figure(row["up_bytes_s"], 0),
             str(len(row["false_faults"])), str(len(row["broken"])),
             "yes" if row["finished"] else row["failure"] or "no",
         )

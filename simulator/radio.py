@@ -405,7 +405,7 @@ class Radio:
                 took_s = profile.overhead_s + len(packet) * profile.byte_s
                 self._now_s += took_s
                 self._spoke_s[number] = self._now_s
-                self._deliver(number, packet, took_s)
+                self.deliver_packet(number, packet, self._now_s, took_s)
                 return True
         return False
 
@@ -420,10 +420,11 @@ class Radio:
         else:
             self._now_s = min(self._ends_s, until_s, ready_s)
 
-    def _deliver(self, number: int, packet: bytes, took_s: float) -> None:
+    def deliver_packet(self, number: int, packet: bytes, sent_s: float, took_s: float) -> None:
+        """Deliver a packet that a node has sent to those that hear it."""
         up = number == GROUND
         for vehicle in self._ways if up else (number,):
-            at_s = self._ways[vehicle].carry(self._now_s, took_s, up=up)
+            at_s = self._ways[vehicle].carry(sent_s, took_s, up=up)
             if at_s is not None:
                 self._nodes[vehicle if up else GROUND].arrive(vehicle, packet, at_s)
 

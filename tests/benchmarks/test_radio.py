@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from benchmarks.radio import RadioCase, RadioFlight, _Air, fly_and_keep, make_radio_cases, radio_document, report_radio
+from benchmarks.radio import (
+    RadioCase,
+    RadioFlight,
+    _Air,
+    _Buffer,
+    _Waiting,
+    fly_and_keep,
+    make_radio_cases,
+    radio_document,
+    report_radio,
+)
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.core.interface.messages import MissionItemInt, SendHeartbeat
+from executor.protocols import vehicle_commands
 from missions import MissionItem
 
 
@@ -55,6 +67,26 @@ def test_times_without_our_heartbeat_are_those_of_each_vehicle() -> None:
     for vehicle, at_s in (("uav1", 1.0), ("uav2", 1.5), ("uav1", 4.0), ("uav2", 2.0)):
         air.hear(vehicle, at_s)
     assert air.gaps_s == [3.0, 0.5]
+
+
+def test_an_order_waits_in_the_radio_until_its_last_byte_is_sent() -> None:
+    """It came as the first of three packets went out, behind two items; a heartbeat before them was cut."""
+    codec, buffer = MavlinkCodec(), _Buffer()
+    item = partial(MissionItem, frame=3, command=16, x=496000000, y=156000000, z=9.0)
+    cut, first, second, order = (
+        codec.encode(message, 12, 1)
+        for message in (SendHeartbeat(), *(MissionItemInt(item(seq)) for seq in (5, 6)), vehicle_commands.arm())
+    )
+    for frame, since_s in ((cut, 9.0), (first, 10.0), (second, 10.0), (order, 10.5)):
+        buffer.waiting.append(_Waiting(frame, since_s))
+    sent = first + second + order
+    for at_s, packet in ((10.5, sent[:60]), (11.0, sent[60:118]), (11.6, sent[118:])):
+        buffer.send_packet(packet, at_s)
+    assert not buffer.waiting
+    assert (buffer.order_wait_s, buffer.order_behind_s) == pytest.approx((1.1, 0.6))
+    assert buffer.behind_s == pytest.approx(0.6), (
+        "the first item was sent with the first packet, the second by the next"
+    )
 
 
 def test_a_false_fault_and_a_flight_that_was_not_flown_are_wrong() -> None:
