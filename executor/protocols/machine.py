@@ -19,6 +19,8 @@ from executor.core.interface.messages import Message, Outgoing
 VARIANCES = 2
 """Variances above the mean to wait for an answer. RFC 6298 has four, as a wrong retransmission costs a whole segment.
 Here a question is 20 bytes, and on a link that loses a fifth each way every third one waits this long."""
+MOST_AHEAD = 16
+"""Most items or questions in flight: half a telemetry radio's buffer."""
 LEAST_VARIANCE_S = 0.1
 """Least margin above the round trip, for a busy computer and a vehicle that answers at fixed intervals."""
 
@@ -115,6 +117,9 @@ class DialogueMachine(ABC):
     """Time at which to call `on_deadline` if no message arrives before."""
     round_trip: RoundTrip = field(default=RoundTrip(), kw_only=True)
     """Round trip of the link, as far as measured."""
+
+    most_ahead: int = MOST_AHEAD
+    """Most items in flight that its channel permits."""
 
     is_transfer: ClassVar[bool] = False
     """Whether it is a long transfer, which takes turns with those of other vehicles on the same radio."""

@@ -40,8 +40,11 @@ MAGIC, KEEP_THE_REST = 0x763D, 1
 ITEM = struct.Struct("<4fiifHHBBBBBB")
 """MISSION_ITEM_INT as it is on the wire."""
 CHECKSUM = struct.Struct("<I")
-ITEMS_IN_ONE = 2
-"""Items per frame; two fit a radio's packet of 118 bytes."""
+ITEMS_IN_ONE, FEW_IN_ONE = 5, 2
+"""Items per frame: five fit a radio's packet of 250 bytes. Two fit one of 118 bytes; a radio with error correction has
+that, and a frame in several packets is destroyed more often."""
+FEW_AHEAD = 8
+"""Items in flight below which a frame has few."""
 MOST_AT_ONCE = 4
 """Most requests in flight; ArduPilot queues five and drops more (GCS_FTP.cpp)."""
 OPEN_REPEATS = 4
@@ -86,7 +89,7 @@ class MissionFileUpload(DialogueMachine):
     items: tuple[MissionItem, ...]
     """The whole mission."""
     first: int
-    """First item that differs from the mission on board."""
+    """First item that differs from the mission on board; the length of the mission to only ask for its checksum."""
     number: int
     """Number of the next request. A vehicle repeats its last answer if it receives the same number again, so two
     uploads must not start with the same number."""
@@ -121,12 +124,17 @@ class MissionFileUpload(DialogueMachine):
 
     def begin(self, now_s: float) -> tuple[Self, Sent]:
         """Open the file."""
-        return _ask(replace(self, heard_s=now_s, steps=_list_steps(self.items, self.first)), now_s)
+        return _ask(replace(self, heard_s=now_s, steps=_list_steps(self)), now_s)
 
     def move(self, now_s: float) -> tuple[Self, Sent]:
         """Ask again over another link for all that is under way: to ArduPilot the session is the same."""
         again = tuple(replace(one, at_s=now_s, again=True) for one in self.under_way)
         return _wait(replace(self, under_way=again, heard_s=now_s)), tuple(one.request for one in again)
+
+    @property
+    def items_in_one(self) -> int:
+        """Return how many items a frame has."""
+        return ITEMS_IN_ONE if self.most_ahead >= FEW_AHEAD else FEW_IN_ONE
 
     @property
     def is_proven(self) -> bool:
@@ -159,7 +167,7 @@ class MissionFileUpload(DialogueMachine):
         left = tuple(one for one in self.under_way if one is not asked)
         state = replace(
             self, under_way=left, round_trip=trip, is_open=self.is_open or opens, heard_s=now_s, tries=0,
-            is_doubtful=self.is_doubtful or (closes and error is not None),
+            is_doubtful=self.is_doubtful or (closes and self.is_open and error is not None),
         )  # fmt: skip
         if isinstance(message, messages.MissionItemInt):
             state = replace(state, home=message.item)
@@ -209,8 +217,11 @@ def pack_items(items: Iterable[MissionItem]) -> bytes:
     )  # fmt: skip
 
 
-def _list_steps(items: tuple[MissionItem, ...], first: int) -> tuple[Step, ...]:
-    data, size = pack_items(items[first:]), ITEMS_IN_ONE * ITEM.size
+def _list_steps(state: MissionFileUpload) -> tuple[Step, ...]:
+    items, first = state.items, state.first
+    if first == len(items):
+        return ((_CHECK, messages.MissionRequest(0)),)
+    data, size = pack_items(items[first:]), state.items_in_one * ITEM.size
     parts = (_write(HEADER.size + at, data[at : at + size]) for at in range(0, len(data), size))
     header = HEADER.pack(MAGIC, MissionKind.MISSION, KEEP_THE_REST, first, len(items) - first)
     return (
@@ -222,7 +233,7 @@ def _list_steps(items: tuple[MissionItem, ...], first: int) -> tuple[Step, ...]:
 def _restart(state: F, now_s: float, before: tuple[Step, ...] = ()) -> tuple[F, Sent]:
     """Open the file anew, after what has to come before that."""
     state = replace(
-        state, steps=(*before, *_list_steps(state.items, state.first)), restarts=state.restarts + 1, under_way=(),
+        state, steps=(*before, *_list_steps(state)), restarts=state.restarts + 1, under_way=(),
         is_open=False, is_doubtful=False, heard_s=now_s, tries=0,
     )  # fmt: skip
     return _ask(state, now_s)
@@ -269,7 +280,7 @@ def _ask(state: F, now_s: float) -> tuple[F, Sent]:
         return _restart(state, now_s)
     if not steps:
         return replace(state, outcome=Accepted(), deadline_s=float("inf")), ()
-    room = MOST_AT_ONCE - len(state.under_way)
+    room = min(MOST_AT_ONCE, max(1, state.most_ahead // state.items_in_one)) - len(state.under_way)
     sent = tuple(_give_number(request, state.number + n) for n, request in enumerate(steps[0][:room]))
     state = replace(
         state,

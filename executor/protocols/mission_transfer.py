@@ -28,7 +28,16 @@ from typing import Self, TypeVar
 
 from executor.core.interface import messages
 from executor.core.interface.codes import Ending
-from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
+from executor.protocols.machine import (
+    MOST_AHEAD,
+    SAME_S,
+    Accepted,
+    DialogueMachine,
+    Rejected,
+    RoundTrip,
+    TimedOut,
+)
+from executor.protocols.turns import FAR_S
 from missions import compute_list_checksum
 from missions.items import MissionItem, MissionKind
 
@@ -54,11 +63,7 @@ ASKS_EVERY_S = 0.25
 """No autopilot repeats a request sooner; PX4 does after MAVLINK_MISSION_RETRY_TIMEOUT_DEFAULT."""
 COPIES_LEFT = 2
 """Copies of an item for which the time is left until the vehicle gives up, whatever the link."""
-MOST_AHEAD = 16
-"""Most items or questions in flight: half a telemetry radio's buffer."""
 FIRST_AHEAD = 8
-AHEAD = {1: MOST_AHEAD, 2: 6, 3: 10}
-"""The same by number of parallel transfers; our heartbeats wait behind all of them."""
 AGAIN_AHEAD = 4
 """Items to resend from a lost one on; if one is lost, others may be, and all behind them must be resent."""
 AHEAD_TRIP_S = 0.03
@@ -110,8 +115,6 @@ class UploadDialogue(DialogueMachine):
     """Highest item requested so far."""
     under_way: tuple[_UnderWay, ...] = ()
     """Items in flight, in order."""
-    ahead: int = MOST_AHEAD
-    """Most items in flight."""
     room: int = FIRST_AHEAD
     """Items that may be in flight now."""
     highest: int = -1
@@ -161,7 +164,7 @@ class UploadDialogue(DialogueMachine):
         """
         fresh = replace(
             self, moved=True, is_touched=self.is_begun, counts_sent=0, counted_s=now_s, heard_s=now_s, furthest=-1,
-            under_way=(), room=FIRST_AHEAD, highest=-1, repeats=0, refusal=None, early=False, doubts=False,
+            under_way=(), room=self.most_ahead, highest=-1, repeats=0, refusal=None, early=False, doubts=False,
         )  # fmt: skip
         return _announce_items(fresh, now_s)
 
@@ -203,7 +206,7 @@ class UploadDialogue(DialogueMachine):
         # not heard, waits for what it asked for: the two by turns.
         last = self.is_all_sent and repeats % 2 == 1
         # Its request for the next item may have got lost: that one goes out, too.
-        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, min(self.ahead, 2))
+        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, min(self.most_ahead, 2))
 
     def _build_farewell(self) -> Sent:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
@@ -224,8 +227,13 @@ class UploadDialogue(DialogueMachine):
         if come:
             trip = _record_answer(trip, come[-1], now_s)
         elif not self._is_asked and self.counts_sent == 1:
-            trip = trip.record_round_trip(now_s - self.counted_s)
-        room = min(self.ahead, self.room + len(come))
+            took_s = now_s - self.counted_s
+            # What took far longer than all before it was known of another link, or without a queue.
+            other = trip.mean_s is not None and took_s > 2 * trip.mean_s
+            trip = (replace(trip, mean_s=None) if other else trip).record_round_trip(took_s)
+        room = min(self.most_ahead, self.room + len(come))
+        if not self._is_asked and (trip.mean_s or 0.0) >= FAR_S:
+            room = self.most_ahead  # growing to it would take some long round trips
         state = replace(state, furthest=seq, asked_s=now_s, asks=0, round_trip=trip, room=room)
         return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, room - len(left))
 
@@ -268,7 +276,7 @@ class UploadDialogue(DialogueMachine):
 
 
 def _announce_items(state: U, now_s: float) -> tuple[U, Sent]:
-    period_s = max(MOVED_PERIOD_S if state.moved else COUNT_PERIOD_S, state.round_trip.waits_s)
+    period_s = MOVED_PERIOD_S if state.moved else max(COUNT_PERIOD_S, state.round_trip.waits_s)
     state = replace(state, counts_sent=state.counts_sent + 1, deadline_s=now_s + period_s)
     return state, (messages.MissionCount(len(state.items), state.kind),)
 

@@ -12,7 +12,7 @@ from enum import IntEnum
 
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import FULL_BUFFER_PCT
-from executor.protocols.machine import RoundTrip
+from executor.protocols.machine import MOST_AHEAD, RoundTrip
 
 STALLED_S = 2.0
 """Time without progress after which a transfer no longer holds the channel: three questions on a fast radio."""
@@ -20,6 +20,10 @@ SLOW_S, FAR_S = 0.5, 1.25
 """Round trips from which two, and three transfers run in parallel."""
 FREE_PCT = 70
 """Free share of our radio's buffer for three: it then holds no more than it sends in one round."""
+AHEAD = {1: MOST_AHEAD, 2: 6, 3: 10}
+"""Most items in flight by number of parallel transfers: orders and our heartbeats wait behind all of them."""
+ALONE_AHEAD = 24
+"""The same for a vehicle alone behind a slow radio: 1,200 bytes, which leave within a second."""
 REPORT_S = 2.5
 """Age up to which a radio's report counts; it reports once a second."""
 HOLD_S = 0.25
@@ -57,6 +61,12 @@ def count_at_once(trip: RoundTrip, radio: Radio | None) -> int:
         return 1
     free_pct = 100 if radio is None or radio.free_buffer_pct is None else radio.free_buffer_pct
     return 3 if trip.mean_s >= FAR_S and free_pct >= FREE_PCT else 2
+
+
+def find_most_ahead(trip: RoundTrip, radio: Radio | None, *, alone: bool) -> int:
+    """Return how many items of a transfer may be in flight; `alone` if no other vehicle is behind the radio."""
+    at_once = count_at_once(trip, radio)
+    return ALONE_AHEAD if alone and at_once > 1 else AHEAD[at_once]
 
 
 def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float, at_once: int) -> bool:

@@ -12,12 +12,12 @@ from contextlib import asynccontextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from itertools import count
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, WeakSet
 
 from executor.core.interface.messages import Radio
 from executor.core.interface.ports import Link
 from executor.protocols.machine import RoundTrip
-from executor.protocols.turns import Rank, Turn, count_at_once, find_wait_s, is_buffer_full, is_next
+from executor.protocols.turns import Rank, Turn, count_at_once, find_most_ahead, find_wait_s, is_buffer_full, is_next
 
 MOST_CHANNELS = 200
 """Most channels to remember; a reopened connection is a new one."""
@@ -35,6 +35,8 @@ class Channel:
     under_way: dict[Turn, float] = field(default_factory=dict)
     """Transfers in progress, with the loop time of their last progress."""
     waiting: set[Turn] = field(default_factory=set)
+    links: WeakSet[Link] = field(default_factory=WeakSet)
+    """Links behind it."""
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     sent_s: float = float("-inf")
     """Loop time of the last message of a dialogue."""
@@ -59,6 +61,11 @@ class Channel:
     def at_once(self) -> int:
         """How many transfers may be under way side by side."""
         return count_at_once(self.round_trip, self.radio)
+
+    @property
+    def most_ahead(self) -> int:
+        """How many items of a transfer may be in flight."""
+        return find_most_ahead(self.round_trip, self.radio, alone=len(self.links) == 1)
 
     def learn(self, round_trip: RoundTrip) -> None:
         """Take what a dialogue has measured, if it has."""
@@ -133,4 +140,6 @@ def channel_of(link: Link) -> Channel:
     if len(known) > MOST_CHANNELS:
         for peer in [peer for peer, one in known.items() if not one.under_way and not one.waiting]:
             del known[peer]
-    return known.setdefault(link.peer or id(link), Channel())
+    channel = known.setdefault(link.peer or id(link), Channel())
+    channel.links.add(link)
+    return channel

@@ -274,7 +274,8 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
         way, channel = link.ways[0], channel_of(link)
         async with channel.take_turn(Rank.BEFORE_FLIGHT) if machine.is_transfer else nullcontext():
             if link.ways[0] is way:
-                machine = replace(machine, round_trip=unmeasured.adopt(channel.round_trip))
+                trip = unmeasured.adopt(channel.round_trip)
+                machine = replace(machine, round_trip=trip, most_ahead=channel.most_ahead)
                 machine = await _run_on_one_link(machine, opens, link, channel, clock)
                 opens = type(machine).move
         if machine.outcome is not None:

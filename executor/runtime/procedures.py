@@ -16,9 +16,9 @@ from executor.core.interface.messages import Heartbeat, Message, MessageInterval
 from executor.core.interface.ports import Clock, Link
 from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
-from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
+from executor.protocols.machine import MOST_AHEAD, DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import AHEAD, MOST_AHEAD, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -191,6 +191,10 @@ async def _prove_on_board(
         known = compute_list_checksum(items) if dialect.says_checksum and items else None
         if known is not None and upload.accepted and upload.checksum == known:
             return ProcedureResult(accepted=True)
+        if dialect.takes_mission_file and isinstance(upload, UploadDialogue) and upload.kind is MissionKind.MISSION:
+            asking = MissionFileUpload(items, len(items), next(_FILE_NUMBERS) & 0xFFFF)
+            if (await dialogue.run_dialogue(asking, link, clock)).is_proven:
+                return ProcedureResult(accepted=True)
         reading = replace(reading, checksum=known, first=min(alike, len(items) - 1))
     waits_s = max(reading.round_trip.waits_s, trip.waits_s)
     reading = replace(reading, round_trip=replace(reading.round_trip, waits_s=waits_s))
@@ -300,8 +304,7 @@ async def upload_once(
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    ahead = AHEAD[channel_of(link).at_once]
-    upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind, ahead=ahead)
+    upload = UploadDialogue(items, silence_s, dialect.upload_warnings, kind)
     return await dialogue.run_dialogue(upload, link, clock)
 
 

@@ -58,7 +58,7 @@ class FakeMissionFile:
             self.close()
             return None, b""
         if asked.operation == CALC_CRC32:
-            return (None, self._checksum()) if self.repeats_checksum else (FAIL, b"")
+            return (None, self._checksum()) if self.repeats_checksum and self.there_is_one else (FAIL, b"")
         if asked.operation == OPEN_TO_WRITE:
             if self.data is not None:
                 return FAIL, b""

@@ -15,9 +15,9 @@ from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import Heartbeat, Message
 from executor.core.interface.ports import Link, LinkRequest
 from executor.protocols import vehicle_commands
-from executor.protocols.machine import Accepted
+from executor.protocols.machine import MOST_AHEAD, Accepted
 from executor.protocols.mission_file import MissionFileUpload
-from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import DownloadDialogue, UploadDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
 from missions import (

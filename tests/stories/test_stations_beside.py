@@ -27,10 +27,11 @@ from executor.runtime.flight_loop import Flight
 from executor.site.flight_keys import ForwardTable, LinkTable
 from missions.geo import LocalFrame
 from simulator.fleet import SimulatedVehicle
+from simulator.radio import parse_radio
 from tests.benchmarks.virtual.short_line import shared, short_ground
 
 RADIO = "sik-ecc-mended"
-OURS = LinkTable(station_sysid=254, one_radio=True)
+OURS = LinkTable(station_sysid=254)
 PORT = "udpin://127.0.0.1:14550"
 JOINS_S, EVERY_S = 25.0, 0.25
 RTL = 20
@@ -81,8 +82,9 @@ class StationRun(VirtualRun):
         super().__init__(*arguments, **more)
         site = self._order.site
         self._joins, self._gives = build_forwarder(site, self.clock), order
-        ours = MavlinkCodec(station=site.link.station)
-        share_port(tuple[MemoryRadio, ...](self.radios.values()), ours, self._joins.tap)
+        ends = tuple[MemoryRadio, ...](self.radios.values())
+        for behind in [ends] if site.link.one_radio else [(end,) for end in ends]:
+            share_port(behind, MavlinkCodec(station=site.link.station), self._joins.tap)
         self._joins.links.update({radio.sysid: radio.link for radio in self.radios.values()})
         self.seen, self.silence_s = 0, 0.0
 
@@ -115,14 +117,17 @@ class StationRun(VirtualRun):
         return True
 
 
-def flown(folder: Path, autopilot: str, order: Callable[[int], Any] | None = None) -> tuple[VirtualFlight, StationRun]:
+def flown(
+    folder: Path, autopilot: str, order: Callable[[int], Any] | None = None, radio: str = RADIO
+) -> tuple[VirtualFlight, StationRun]:
     """Fly, and return the flight with its run, which knows how long a vehicle did not hear us."""
     ground, runs = short_ground(folder, 3, autopilot), list[StationRun]()
-    site = ground.site.model_copy(update={"link": OURS, "forward": ForwardTable(to=(PORT,), allow_orders=True)})
+    ours = OURS.model_copy(update={"one_radio": parse_radio(radio).profile.shared})
+    site = ground.site.model_copy(update={"link": ours, "forward": ForwardTable(to=(PORT,), allow_orders=True)})
     ground = replace(ground, site=site)
 
     def make(*arguments: Any) -> StationRun:
-        runs.append(StationRun(*arguments, order=order, radio=RADIO))
+        runs.append(StationRun(*arguments, order=order, radio=radio))
         return runs[-1]
 
     def look(vehicles: Mapping[str, SimulatedVehicle]) -> None:

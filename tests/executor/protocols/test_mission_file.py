@@ -85,8 +85,32 @@ def test_the_new_part_is_put_in_place_and_proven() -> None:
 
 
 def test_no_more_is_under_way_than_the_vehicle_keeps() -> None:
-    upload, sent = MissionFileUpload(NEW, 3, 0).begin(100.0)
+    upload, sent = MissionFileUpload(NEW, 3, 0, most_ahead=100).begin(100.0)
     assert len(sent) == MOST_AT_ONCE == len(upload.under_way)
+
+
+@pytest.mark.parametrize(("most_ahead", "in_one", "at_once"), [(16, 5, 3), (6, 2, 3), (10, 5, 2), (1, 2, 1)])
+def test_no_more_items_are_under_way_than_the_channel_permits(most_ahead: int, in_one: int, at_once: int) -> None:
+    board = vehicle()
+    upload, sent = fly(board, MissionFileUpload(NEW, 3, 0, most_ahead=most_ahead))
+    _, first = MissionFileUpload(NEW, 3, 0, most_ahead=most_ahead).begin(100.0)
+    assert (len(first), upload.is_proven, tuple(board.items)) == (at_once, True, NEW)
+    assert max(len(one.data) for one in sent if isinstance(one, FileRequest)) == in_one * 38
+
+
+def test_the_checksum_alone_is_asked_of_a_mission_that_is_on_board() -> None:
+    board = vehicle()
+    for items, proven in ((OLD, True), (NEW, False)):
+        upload, sent = fly(board, MissionFileUpload(items, len(items), 0))
+        assert (upload.accepted, upload.is_proven, tuple(board.items)) == (True, proven, OLD)
+        assert [type(one) for one in sent] == [FileRequest, MissionRequest]
+
+
+def test_a_checksum_that_is_refused_is_not_asked_for_again() -> None:
+    board = vehicle()
+    board.file.there_is_one = False
+    upload, sent = fly(board, MissionFileUpload(OLD, len(OLD), 0))
+    assert (upload.accepted, upload.is_proven, len(sent)) == (True, False, 2)
 
 
 def test_the_header_waits_for_all_else() -> None:

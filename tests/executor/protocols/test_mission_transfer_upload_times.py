@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from executor.core.interface.messages import (
@@ -10,7 +12,7 @@ from executor.core.interface.messages import (
     MissionRequest,
 )
 from executor.protocols.machine import Accepted, Rejected, TimedOut
-from executor.protocols.mission_transfer import UploadDialogue
+from executor.protocols.mission_transfer import FIRST_TRIP, UploadDialogue
 from missions import MissionItem
 from tests.executor.protocols.silences import unanswered
 
@@ -19,7 +21,7 @@ SILENCE_S = 5.0
 
 
 def uploading() -> UploadDialogue:
-    return UploadDialogue(ITEMS, SILENCE_S, frozenset({13}), ahead=1, room=1)
+    return UploadDialogue(ITEMS, SILENCE_S, frozenset({13}), most_ahead=1, room=1)
 
 
 def test_a_mission_is_announced_five_times() -> None:
@@ -67,7 +69,7 @@ def test_of_an_item_that_was_sent_twice_the_copy_that_can_have_arrived_is_the_me
 
 def test_an_item_that_a_vehicle_keeps_asking_for_is_repeated_sooner_as_its_patience_ends() -> None:
     """Round trips of 2 s leave PX4 time for two copies; where a fifth is lost each way, that is too few."""
-    state, _ = UploadDialogue(ITEMS, 6.0, frozenset(), ahead=1, room=1).begin(100.0)
+    state, _ = UploadDialogue(ITEMS, 6.0, frozenset(), most_ahead=1, room=1).begin(100.0)
     state, _ = state.on_message(MissionRequest(0), 102.0)
     sent_s = []
     for quarter in range(1, 20):
@@ -79,7 +81,7 @@ def test_an_item_that_a_vehicle_keeps_asking_for_is_repeated_sooner_as_its_patie
 
 def test_repeated_requests_tell_how_long_a_vehicle_waits_while_this_computer_stalls() -> None:
     """Twelve requests of 3 s are read within a moment: one copy goes out at once, and no second one."""
-    state, _ = UploadDialogue(ITEMS, 6.0, frozenset(), ahead=1, room=1).begin(100.0)
+    state, _ = UploadDialogue(ITEMS, 6.0, frozenset(), most_ahead=1, room=1).begin(100.0)
     state, _ = state.on_message(MissionRequest(0), 102.0)
     sent_s = []
     for number in range(12):
@@ -91,7 +93,7 @@ def test_repeated_requests_tell_how_long_a_vehicle_waits_while_this_computer_sta
 
 def test_what_was_sent_with_an_item_that_has_just_arrived_is_not_lost() -> None:
     """Others' items stood before ours in the radio: PX4 repeats its question meanwhile, every quarter of a second."""
-    state, _ = UploadDialogue(ITEMS, 6.0, frozenset(), ahead=3, room=3).begin(100.0)
+    state, _ = UploadDialogue(ITEMS, 6.0, frozenset(), most_ahead=3, room=3).begin(100.0)
     state, sent = state.on_message(MissionRequest(0), 100.6)
     assert len(sent) == 3
     state, _ = state.on_message(MissionRequest(1), 102.1)
@@ -125,7 +127,7 @@ def test_an_item_is_repeated_more_and_more_seldom_until_the_silence_is_too_long(
 
 
 def test_a_vehicle_that_waits_less_than_a_second_is_given_up_sooner() -> None:
-    state, _ = UploadDialogue(ITEMS, 0.4, frozenset(), ahead=1, room=1).begin(100.0)
+    state, _ = UploadDialogue(ITEMS, 0.4, frozenset(), most_ahead=1, room=1).begin(100.0)
     state, _ = state.on_message(MissionRequest(0), 100.0)
     assert state.deadline_s == 100.25
     assert state.on_deadline(100.4)[0].outcome is not None
@@ -149,3 +151,20 @@ def test_which_acknowledgement_ends_an_upload() -> None:
     last, _ = first.on_message(MissionRequest(2), 100.4)
     assert last.on_message(MissionAck(0), 100.5)[0].outcome == Accepted()
     assert last.on_message(MissionAck(1), 100.5)[0].outcome is not None
+
+
+@pytest.mark.parametrize(("trip_s", "at_once"), [(0.6, 8), (1.4, 24)])
+def test_over_a_far_radio_as_many_items_go_out_at_once_as_it_may_hold(trip_s: float, at_once: int) -> None:
+    """Each time that it doubles costs a round trip."""
+    items = tuple(MissionItem(seq, 3, 16, x=seq) for seq in range(40))
+    state, _ = UploadDialogue(items, SILENCE_S, frozenset({13}), most_ahead=24).begin(100.0)
+    assert len(state.on_message(MissionRequest(0), 100.0 + trip_s)[1]) == at_once
+
+
+def test_a_count_that_took_far_longer_than_known_is_what_is_known_from_then_on() -> None:
+    """Of two links with one vehicle behind them the other one's answer had been measured: items went out twice."""
+    known = replace(FIRST_TRIP, mean_s=0.1, waits_s=0.3, shortest_s=0.1)
+    state, _ = UploadDialogue(ITEMS, SILENCE_S, frozenset({13}), round_trip=known).begin(100.0)
+    for took_s, mean_s in ((0.15, 0.10625), (1.4, 1.4)):
+        after, _ = state.on_message(MissionRequest(0), 100.0 + took_s)
+        assert after.round_trip.mean_s == pytest.approx(mean_s)

@@ -23,7 +23,7 @@ from tests.executor.protocols.talks import LATE, late, talk
 BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
-UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}), ahead=1, room=1)
+UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}), most_ahead=1, room=1)
 SIX = encode(BOARD.path, ARDUPILOT).items[:6]
 AHEAD = mission_transfer.UploadDialogue(SIX, 8.0, frozenset({13}), room=4)
 GIVE_UP = "give up"

@@ -9,7 +9,16 @@ import pytest
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import FULL_BUFFER_PCT
 from executor.protocols.machine import RoundTrip
-from executor.protocols.turns import STALLED_S, Rank, Turn, count_at_once, find_wait_s, is_buffer_full, is_next
+from executor.protocols.turns import (
+    STALLED_S,
+    Rank,
+    Turn,
+    count_at_once,
+    find_most_ahead,
+    find_wait_s,
+    is_buffer_full,
+    is_next,
+)
 
 SOON, LATER = Turn(Rank.IN_FLIGHT, 12.0, 3), Turn(Rank.IN_FLIGHT, 40.0, 1)
 PARAMETERS, READING = Turn(Rank.BEFORE_FLIGHT, math.inf, 0), Turn(Rank.BESIDE, math.inf, 2)
@@ -34,6 +43,13 @@ def test_where_answers_are_far_there_are_two_or_three() -> None:
     assert count_at_once(trips[-1], Radio(200, 200, 50, 50, 40)) == 2, "they wait behind our own bytes"
     assert is_next(SOON, [SOON, LATER], [100.0], 100.5, 2)
     assert not is_next(SOON, [SOON, LATER], [100.0, 100.2], 100.5, 2)
+
+
+@pytest.mark.parametrize(("alone", "ahead"), [(False, [16, 6, 10]), (True, [16, 24, 24])])
+def test_fewer_items_are_in_flight_where_several_transfers_share_a_radio(alone: bool, ahead: list[int]) -> None:
+    """Over firmware that loses frames 12 items go up in a round; alone, a vehicle has all of it."""
+    trips = (RoundTrip(mean_s=mean_s) for mean_s in (0.3, 0.7, 1.7))
+    assert [find_most_ahead(trip, None, alone=alone) for trip in trips] == ahead
 
 
 def test_it_is_checked_again_when_the_last_one_may_have_stalled() -> None:

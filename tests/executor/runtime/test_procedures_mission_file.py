@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.interface.messages import FileRequest, MissionCount, MissionItemInt, MissionRequest
+from executor.core.interface.messages import (
+    FileRequest,
+    MissionCount,
+    MissionItemInt,
+    MissionRequest,
+    MissionRequestList,
+)
 from executor.protocols.turns import Rank
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult, UploadNeed
@@ -49,6 +55,26 @@ async def test_over_a_bad_link(seed: int) -> None:
     board = await fly(ARDUPILOT, LOSSY, seed=seed)
     done = await put(board)
     assert (done.accepted, done.mixed, board.missing) == (True, False, ())
+
+
+FAR = Air(delay_s=(0.4, 0.4))
+
+
+@pytest.mark.parametrize(("files", "read"), [(True, [0]), (False, [0, *range(25)])])
+async def test_over_a_slow_link_a_checksum_proves_what_went_item_by_item(files: bool, read: list[int]) -> None:
+    """A first mission behind a radio took as long to be read back as to be sent."""
+    board = await fly(ARDUPILOT, FAR, files=files)
+    assert (await put(board, alike=0)).accepted
+    assert board.missing == ()
+    asked = [one.seq for _, one in board.link.sent if isinstance(one, MissionRequest)]
+    assert asked == read[: 1 + len(board.items)]
+    assert len(board.link.of_kind(MissionRequestList)) == (not files)
+
+
+async def test_what_the_checksum_does_not_prove_is_read_back() -> None:
+    board = await fly(ARDUPILOT, FAR)
+    board.vehicle.missions.spoils = 6
+    assert (await put(board, alike=0)).reason.startswith("read-back differs: item 6")
 
 
 async def test_a_firmware_without_mission_files_gets_its_items() -> None:
