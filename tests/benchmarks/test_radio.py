@@ -73,10 +73,8 @@ def test_an_order_waits_in_the_radio_until_its_last_byte_is_sent() -> None:
     """It came as the first of three packets went out, behind two items; a heartbeat before them was cut."""
     codec, buffer = MavlinkCodec(), _Buffer()
     item = partial(MissionItem, frame=3, command=16, x=496000000, y=156000000, z=9.0)
-    cut, first, second, order = (
-        codec.encode(message, 12, 1)
-        for message in (SendHeartbeat(), *(MissionItemInt(item(seq)) for seq in (5, 6)), vehicle_commands.arm())
-    )
+    cut, order = codec.encode(SendHeartbeat(), 12, 1), codec.encode(vehicle_commands.arm(), 12, 1)
+    first, second = (codec.encode(MissionItemInt(item(seq)), 12, 1) for seq in (5, 6))
     for frame, since_s in ((cut, 9.0), (first, 10.0), (second, 10.0), (order, 10.5)):
         buffer.waiting.append(_Waiting(frame, since_s))
     sent = first + second + order
