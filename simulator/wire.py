@@ -110,7 +110,7 @@ READERS: Mapping[str, Callable[[Fields], messages.Body]] = {
 }
 
 
-class _Parser(dialect.MAVLink):
+class _Parser(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no types
     """Parser that takes a time from frames with a right signature alone, as MAVLink's C library does."""
 
     def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:  # noqa: N803
