@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.errors import InstanceError
 from planner.evaluate import BUDGET_TOLERANCE_PCT
@@ -31,10 +30,10 @@ from planner.kernels.pricing import (
     Labels,
     Priced,
     bound_completions,
-    count_cuts,
     price_routes,
 )
 from planner.model import Instance, Plan, Route, segment_of
+from planner.row_cuts import Cut, count_routes, find_memory, find_violated_triples, tabulate_cuts
 
 SEGMENTS_UP_TO = 2 * WORD
 """Maximum number of segments: a set of them has two words."""
@@ -45,10 +44,8 @@ NEIGHBOURS, NEIGHBOURS_UP_TO = 8, 18
 """Segments that a route's label does not forget at once: the size of the ng-sets, at first and when they have grown."""
 SMOOTHING = 0.7
 """Weight of the prizes of the best bound against those of the program (Wentges 1997): fewer rounds."""
-CUT_ROUNDS, CUTS = 40, 40
-"""Rounds of subset-row cuts, and cuts in each."""
-VIOLATED = 0.02
-"""Least violation of a cut that is added."""
+CUT_ROUNDS = 40
+"""Rounds of subset-row cuts."""
 PRICED_CUTS, PRICED_CUTS_UP_TO = 20, 2 * WORD
 """Cuts that pricing regards: how many are added at once, and at most; a set of them has two words."""
 ASK_EVERY = 100
@@ -132,11 +129,6 @@ class _Column(NamedTuple):
     visits: tuple[int, ...]
 
 
-class _Cut(NamedTuple):
-    triple: tuple[int, ...]
-    memory: frozenset[int]
-
-
 class ColumnSearch:
     """Lower bounds on the cost of covering all segments; each ``step`` prices once and may raise the bound.
 
@@ -162,8 +154,8 @@ class ColumnSearch:
         self._kinds, self._segments, self._goal = kinds, segments, goal
         self._near = _find_neighbourhoods(kinds, segments)
         self._priced = [_build_priced(kind, self._near) for kind in kinds]
-        self._cuts: list[_Cut] = []
-        self._counted, self._cut_tables = _tabulate_cuts([], segments), allocate(Cuts, n=segments)
+        self._cuts: list[Cut] = []
+        self._counted, self._cut_tables = tabulate_cuts([], segments), allocate(Cuts, n=segments)
         self._past: list[float] = []
         """Bound before each round of tightening."""
         self._completions = [allocate(Completions, b=BUCKETS, v=2 * segments) for _ in kinds]
@@ -220,7 +212,7 @@ class ColumnSearch:
         if number in self._share_row:
             rows.append(segments + self._share_row[number])
             entries.append(times)
-        counts = _count_routes(*self._counted, [visits])[:, 0]
+        counts = count_routes(*self._counted, [visits])[:, 0]
         rows.append(self._rows + np.flatnonzero(counts))
         entries.append(counts[counts > 0])
         index, entry = np.concatenate(rows).astype(np.int32), np.concatenate(entries).astype(np.float64)
@@ -281,7 +273,7 @@ class ColumnSearch:
         self._program.deleteRows(len(numbers), (self._rows + numbers).astype(np.int32))
         self._center = np.delete(self._center, self._rows + numbers)
         self._cuts = [cut for number, cut in enumerate(self._cuts) if number not in set(numbers.tolist())]
-        self._counted = _tabulate_cuts(self._cuts, self._segments)
+        self._counted = tabulate_cuts(self._cuts, self._segments)
 
     def _forbid_cycle(self, visits: tuple[int, ...]) -> bool:
         """Let the segments between two visits to another one remember it; return whether they did not."""
@@ -319,21 +311,21 @@ class ColumnSearch:
             visited[[segment_of(visit) for visit in visits], place] = 1
         known = {cut.triple: number for number, cut in enumerate(self._cuts)}
         room = min(PRICED_CUTS, PRICED_CUTS_UP_TO - len(self._cuts))
-        found = _find_violated_triples(visited, np.array(list(used.values())))
-        cuts = list[_Cut]()
+        found = find_violated_triples(visited, np.array(list(used.values())))
+        cuts = list[Cut]()
         for triple in map(tuple, found.tolist()):
-            memory = frozenset(triple).union(*(_find_memory(visits, triple) for visits in routes))
+            memory = frozenset(triple).union(*(find_memory(visits, triple) for visits in routes))
             if len(cuts) < room:
-                cuts.append(_Cut(triple, memory | (self._cuts[known[triple]].memory if triple in known else set())))
+                cuts.append(Cut(triple, memory | (self._cuts[known[triple]].memory if triple in known else set())))
         columns = list(self._columns)
-        counted = _count_routes(*_tabulate_cuts(cuts, self._segments), [column.visits for column in columns])
+        counted = count_routes(*tabulate_cuts(cuts, self._segments), [column.visits for column in columns])
         for cut, counts in zip(cuts, counted, strict=True):
             paid = np.flatnonzero(counts)
             index = np.array([self._columns[columns[place]] for place in paid], dtype=np.int32)
             self._program.addRow(-np.inf, 1.0, len(paid), index, counts[paid].astype(np.float64))
             self._cuts.append(cut)
         self._center = np.append(self._center, np.zeros(len(cuts)))
-        self._counted = _tabulate_cuts(self._cuts, self._segments)
+        self._counted = tabulate_cuts(self._cuts, self._segments)
         return len(cuts) > 0
 
     def _price_cuts(self, prices: FloatArray) -> None:
@@ -477,7 +469,7 @@ class ColumnSearch:
             barred = np.flatnonzero(np.array(solution.col_dual)[n:] > room + SAME * (1 + abs(ceiling))) + n
             none = np.zeros(len(barred))
             program.changeColsBounds(len(barred), barred.astype(np.int32), none, none)
-            triples = _find_violated_triples(visited, np.array(solution.col_value)[n:])
+            triples = find_violated_triples(visited, np.array(solution.col_value)[n:])
             if room <= 0 or len(triples) == 0:
                 return
             for triple in triples:
@@ -533,58 +525,6 @@ class ColumnSearch:
         fleet = sorted(vehicle for kind in self._kinds for vehicle in kind.vehicles)
         uncovered = tuple(segment for segment in range(self._segments) if segment not in seen)
         return Plan(tuple(routes.get(vehicle, Route(vehicle, ())) for vehicle in fleet), uncovered)
-
-
-def _tabulate_cuts(cuts: Sequence[_Cut], segments: int) -> tuple[IntArray, IntArray]:
-    """Return (c, n) int64 each, 1 where a cut is on a segment, and where it remembers an earlier visit."""
-    member, memory = (np.zeros((len(cuts), segments), dtype=np.int64) for _ in range(2))
-    for number, cut in enumerate(cuts):
-        member[number, list(cut.triple)] = 1
-        memory[number, list(cut.memory)] = 1
-    return member, memory
-
-
-def _count_routes(member: IntArray, memory: IntArray, routes: Sequence[tuple[int, ...]]) -> IntArray:
-    """Return (c, r) int64, how often routes pay for cuts."""
-    counts = np.zeros((len(member), len(routes)), dtype=np.int64)
-    flat = np.array([visit for visits in routes for visit in visits], dtype=np.int64)
-    count_cuts(flat, np.cumsum([len(visits) for visits in routes], dtype=np.int64), member, memory, counts)
-    return counts
-
-
-def _find_memory(visits: tuple[int, ...], triple: Sequence[int]) -> set[int]:
-    """Return the segments between the visits of a route to a triple which are counted together."""
-    memory, between, is_odd = set[int](), set[int](), False
-    for visit in visits:
-        segment = segment_of(visit)
-        if segment in triple:
-            memory |= between if is_odd else set()
-            between, is_odd = set(), not is_odd
-        else:
-            between.add(segment)
-    return memory
-
-
-def _find_violated_triples(visited: npt.NDArray[np.int8], shares: FloatArray) -> IntArray:
-    """Return (c, 3) int64, the triples of segments of which routes visit two or more too often, the worst first.
-
-    Args:
-        visited: (n, r), 1 where a route visits a segment.
-        shares: (r,), how much of each route is chosen.
-    """
-    used = np.flatnonzero(shares > SAME)
-    inside = visited[:, used].astype(np.float64)
-    pairs = (inside * shares[used]) @ inside.T
-    triples, excesses = [np.empty((0, 3), dtype=np.int64)], [np.empty(0)]
-    for third in range(2, len(visited)):
-        all_three = (inside[:third] * shares[used] * inside[third]) @ inside[:third].T
-        to_third = pairs[third, :third]
-        twice = pairs[:third, :third] + to_third[:, np.newaxis] + to_third[np.newaxis] - 2 * all_three
-        first, second = np.nonzero(np.triu(twice, 1) > 1 + VIOLATED)
-        triples.append(np.column_stack((first, second, np.full(len(first), third))))
-        excesses.append(twice[first, second])
-    worst = np.argsort(-np.concatenate(excesses), kind="stable")[:CUTS]
-    return np.concatenate(triples)[worst]
 
 
 def _build_priced(kind: RouteKind, near: IntArray) -> Priced:
