@@ -84,7 +84,7 @@ async def test_an_offer_is_taken_with_the_pad_in_mind() -> None:
     with shown.serving() as address:
         async with browsing(address) as page:
             await page.locator("#takers button").click()
-            await expect(page.locator("#meaning")).to_contain_text("the pad is clear of people")
+            await expect(page.locator("#meaning")).to_contain_text("Its pad is clear of people")
             await page.locator("#yes").click()
             await expect(page.locator("#answer")).to_contain_text("Include uav1: accepted")
     assert [(one.action, one.vehicle, one.confirmed) for one in shown.asked] == [(Action.INCLUDE, "uav1", False)]

@@ -73,7 +73,7 @@ async def test_an_asset_that_counts_may_be_inspected_again() -> None:
 
 @pytest.mark.parametrize(
     ("asset", "why"),
-    [("pylon p3", "it is flown again"), ("P44-P45", "still to be flown"), ("P43-P47", "Nobody flies it any more")],
+    [("pylon p3", "it is flown again"), ("P44-P45", "still to be flown"), ("P43-P47", "No vehicle flies it any more")],
 )
 async def test_what_is_open_says_so_instead(asset: str, why: str) -> None:
     with Shown(scene_of("pictures")).serving() as address:
