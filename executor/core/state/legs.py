@@ -238,18 +238,22 @@ def _learn_from_leg(state: VehicleState, leg: vehicle_parts.FlownLeg, start: Lea
 
 def _is_undisturbed(state: VehicleState, since_s: float) -> bool:
     """Return whether the vehicle has flown this mission undisturbed and with its link up since then."""
-    link, assignment = state.link, state.assignment
-    silent = max(link.excused_s, link.regained_s or float("-inf"))
-    changed = max(
-        state.telemetry.mode_since_s, assignment.carried.ours_s, state.orders.hold_asked_s, state.orders.gave_way_s
-    )
     return (
         state.stage in {Stage.STARTING, Stage.FLYING}
         and state.fault is None
         and state.custody.taken is None
         and state.orders.held_s is None
-        and not assignment.carried.may_be_foreign()
-        and max(silent, changed) <= since_s
+        and not state.assignment.carried.may_be_foreign()
+        and find_last_disturbance_s(state) <= since_s
+    )
+
+
+def find_last_disturbance_s(state: VehicleState) -> float:
+    """Return when a silence, a new mission, a change of mode, a hold or a slow leg last disturbed its flight."""
+    link, orders = state.link, state.orders
+    silent = max(link.excused_s, link.regained_s or float("-inf"))
+    return max(
+        silent, state.telemetry.mode_since_s, state.assignment.carried.ours_s, orders.hold_asked_s, orders.gave_way_s
     )
 
 

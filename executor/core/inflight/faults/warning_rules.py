@@ -151,7 +151,8 @@ def describe_straying(view: WatchView) -> str:
         return ""
     leg, end_m = known.board.legs[known.waypoint], known.board.places_m[known.waypoint]
     begin_m = known.board.places_m[max(0, known.waypoint - 1)]
-    late_s = view.now_s - known.leg_began.at_s - known.pace.factor_of(state.leg.phase) * leg.duration_s
+    since_s = max(known.leg_began.at_s, legs.find_last_disturbance_s(state))
+    late_s = view.now_s - since_s - known.pace.factor_of(state.leg.phase) * leg.duration_s
     away_m = math.dist(fix.place_m, end_m)
     recedes = sum(v * (end - at) for v, end, at in zip(fix.velocity_m_s, end_m, fix.place_m, strict=False)) < 0.0
     if not recedes or late_s < max(STRAYS_LATE_S, leg.duration_s) or away_m < math.dist(begin_m, end_m) + STRAYS_M:

@@ -12,7 +12,7 @@ from executor.core.interface.messages import Heartbeat, Radio, Traffic
 from executor.core.state import link_quality
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.link_quality import LinkQuality
-from executor.core.state.vehicle_parts import LegBoundary, Positioning
+from executor.core.state.vehicle_parts import LegBoundary, MissionOwnership, Positioning
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, nearly_empty, pack
 
@@ -129,6 +129,8 @@ EDGES: list[tuple[str, VehicleState, VehicleState]] = [
     ("strays", flying(**PAST | {"fix": replace(at(east_m=368.0), velocity_m_s=(-3.0, 0.0, 0.0))}), flying(**PAST)),
     ("strays", flying(**PAST | {"fix": replace(at(east_m=368.0), reckoned=True)}), flying(**PAST)),
     ("strays", flying(**PAST, held_s=NOW_S - 9.0), flying(**PAST)),
+    ("strays", flying(**PAST, hold_asked_s=NOW_S - 9.0), flying(**PAST)),
+    ("strays", flying(**PAST, carried=MissionOwnership(ours_s=NOW_S - 9.0)), flying(**PAST)),
     ("strays", flying(**PAST, heartbeat=Heartbeat(3, 5, True, 4)), flying(**PAST)),
     ("strays", flying(**PAST, stage=Stage.RETURNING), flying(**PAST)),
 ]
