@@ -12,7 +12,8 @@ from executor.core.interface.messages import Heartbeat, Radio, Traffic
 from executor.core.state import link_quality
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.link_quality import LinkQuality
-from executor.core.state.vehicle_parts import LegBoundary, MissionOwnership, Positioning
+from executor.core.state.mission_ownership import MissionOwnership
+from executor.core.state.vehicle_parts import LegBoundary, Positioning
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, nearly_empty, pack
 
