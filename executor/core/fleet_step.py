@@ -399,8 +399,11 @@ def _report_unproven_segment(context: Context, state: FleetState, name: str) -> 
     ahead = any(point.visit == visit for point in board.path.waypoints[vehicle.assignment.waypoint :])
     if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
         return state, ()
-    state = state.put(vehicle.with_assignment(owed=None))
-    segment = board.tracks[visit].segment
+    segment, broken = board.tracks[visit].segment, vehicle.assignment.runs_broken
+    if state.coverage.inspected.get(segment) == name:
+        # It overshot the first pylon, and joined the line anew.
+        broken = tuple(one for one in broken if one != (segment, why))
+    state = state.put(vehicle.with_assignment(owed=None, runs_broken=broken))
     if segment in state.coverage.inspected:
         return state, ()
     return state, (flight.UNPROVEN.say(vehicle=name, segment=context.segment_name(segment), why=why),)
