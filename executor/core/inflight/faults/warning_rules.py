@@ -16,7 +16,7 @@ from executor.core.lines import battery, height, link, position, speed
 from executor.core.state import legs
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.mission_height import find_mission_height
-from executor.core.state.vehicle_position import describe_position, last_fix
+from executor.core.state.vehicle_position import describe_position, is_over_pad, last_fix
 from executor.core.state.vehicle_state import FaultKind, Stage
 from missions import Phase
 
@@ -119,8 +119,8 @@ def describe_stuck_return(view: WatchView) -> str:
     state, limits, fix, stood_s = view.state, view.context.limits, view.fresh_fix, view.state.motion.stood_s
     if state.stage is not Stage.RETURNING or fix is None or not state.armed:
         return ""
-    if stood_s < limits.hangs_s or fix.alt_rel_m < limits.airborne_m:
-        return ""
+    if stood_s < limits.hangs_s or (fix.alt_rel_m < limits.airborne_m and not is_over_pad(view.context, state)):
+        return ""  # low, and away from its pad, it is about to be declared down
     return speed.HANGS.format(stood_s=stood_s, position=describe_position(view.context, state))
 
 

@@ -50,6 +50,9 @@ DOWN = [
     (stood(fix=at(east_m=15.0, up_m=2.1)), stood(fix=at(east_m=15.0, up_m=2.0))),
     (stood(fix=at(east_m=15.0, up_m=2.1)), stood(fix=at(east_m=15.1, up_m=2.1))),
     (stood(29.9, on_ground=True, **ON_PAD), stood(30.0, on_ground=True, **ON_PAD)),
+    # It has not noticed yet that it stands on its pad.
+    (stood(149.9, on_ground=False, **ON_PAD), stood(150.0, on_ground=False, **ON_PAD)),
+    (stood(30.0, on_ground=False, **ON_PAD), stood(30.0, on_ground=False, fix=at(east_m=15.1, up_m=2.0))),
     (stood(fix=None), stood()),
     (stood(anchor=None), stood()),
 ]

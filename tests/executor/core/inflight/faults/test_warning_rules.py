@@ -116,6 +116,8 @@ EDGES: list[tuple[str, VehicleState, VehicleState]] = [
     ("position", flying(jump=(33.0, NOW_S - 3.1)), flying(jump=(33.0, NOW_S - 3.0))),
     ("stands", flying(**HOMEWARD | {"anchor": replace(at(), boot_s=NOW_S - 19.9)}), flying(**HOMEWARD)),
     ("stands", flying(**HOMEWARD, fix=at(up_m=1.9)), flying(**HOMEWARD, fix=at(up_m=2.0))),
+    # On its pad it should have disarmed by now.
+    ("stands", flying(**HOMEWARD, fix=at(east_m=15.1, up_m=0.1)), flying(**HOMEWARD, fix=at(east_m=15.0, up_m=0.1))),
     (
         "stands",
         flying(**HOMEWARD, fix=replace(at(), at_s=NOW_S - 3.1)),
