@@ -26,10 +26,10 @@ CREWS_OWN: Mapping[Autopilot, Mapping[str, float]] = {
 }
 ITS_OWN = (
     "STAT_", "BARO", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "SIM_", "MIS_TOTAL", "INS_GYR", "COMPASS_", "CAL_", "RC",
-    "MOT_THST_HOVER",
+    "MOT_THST_HOVER", "EKF2_SENS_EN",
 )  # fmt: skip
 """What autopilots set by themselves: times, pressures on the ground, calibrations, the number of mission items, the
-throttle at which it hovers."""
+throttle at which it hovers, the sensors that PX4 1.18's estimator has."""
 RTL = ("RTL_",)
 RESTORES = 60
 
