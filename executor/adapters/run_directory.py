@@ -193,7 +193,7 @@ YesNo = Annotated[bool, Field(strict=True)]
 class Document(BaseModel):
     """A JSON object; unknown keys, of a later version, are ignored."""
 
-    model_config = ConfigDict(frozen=True, defer_build=True)
+    model_config = ConfigDict(frozen=True, defer_build=True, from_attributes=True)
 
     expected: ClassVar[str]
     """Description of the file in words, for errors on reading."""
@@ -203,7 +203,7 @@ class Document(BaseModel):
         """Build the document from a value.
 
         Args:
-            source: Its attributes with the names of this document's fields are copied.
+            source: Its attributes with the names of this document's fields are copied, those of its parts too.
             more: Fields that it lacks, or has in another form.
         """
         same = {name: getattr(source, name) for name in cls.model_fields if name not in more and hasattr(source, name)}

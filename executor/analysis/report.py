@@ -142,7 +142,7 @@ def build_vehicle_answers(
                 autopilot=vehicle_identity.describe_autopilot(one.heartbeat.autopilot),
                 firmware=None if one.version is None else str(one.version),
                 link_timeout_s=context.vehicles[name].link_timeout_s,
-                pad=documents.PadPart.build_from(context.setup.pad_of(name)),
+                pad=context.setup.pad_of(name),
                 gps_fix=None if one.gps is None else one.gps.fix,
                 gps_accuracy_m=None if one.gps is None else one.gps.accuracy_m,
                 parameters=dict(sorted(one.parameters.items())),

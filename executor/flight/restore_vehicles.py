@@ -100,10 +100,6 @@ def _parse_items(rows: Iterable[_Item]) -> Items:
     return tuple(MissionItem(seq, **row.model_dump()) for seq, row in enumerate(rows))
 
 
-def _build_rows(items: Items) -> tuple[_Item, ...]:
-    return tuple(map(_Item.build_from, items))
-
-
 def _parse_parameters(path: Path) -> tuple[KeptParameter, ...]:
     rows = _ParameterFile.read(path).parameters
     return tuple(KeptParameter(**{**row.model_dump(exclude={"state"}), "stage": row.state}) for row in rows)
@@ -125,12 +121,9 @@ def _parse_lists(path: Path) -> tuple[KeptList, ...]:
 
 def _build_list_file(kept: Iterable[KeptList]) -> Document:
     rows = tuple(
-        _ListRow.build_from(
-            one, list=one.name, old=_build_rows(one.old), new=tuple(map(_build_rows, (*one.earlier, one.new))),
-            state=one.stage,
-        )
+        _ListRow.build_from(one, list=one.name, new=(*one.earlier, one.new), state=one.stage)
         for one in kept
-    )  # fmt: skip
+    )
     return _ListFile(format="faultline-fences/1", lists=rows)
 
 

@@ -208,8 +208,6 @@ def build_learned_document(known: Mapping[str, KnownVehicle], date: str) -> Lear
         LearnedVehicle.build_from(
             one,
             name=name,
-            inspect=PacePart.build_from(one.inspect),
-            transit=PacePart.build_from(one.transit),
             consumption=ConsumptionPart.build_from(one.consumption, mean=one.consumption.factor, minutes=one.minutes),
         )
         for name, one in known.items()
