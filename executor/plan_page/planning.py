@@ -177,9 +177,9 @@ class Planning:
 
     def tick(self) -> None:
         """Check the progress of the job."""
-        job, progress = self.job, self.planner.progress
-        if job is not None and progress.job == job.number:
-            job.take_progress(progress.value, progress.uncovered)
+        job, (number, value, uncovered) = self.job, self.planner.progress
+        if job is not None and number == job.number:
+            job.take_progress(value, uncovered)
 
     async def show(self, now: SiteNow, name: str) -> dict[str, Any]:
         """Return the page's full view of a plan.

@@ -7,7 +7,6 @@ import ctypes
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
 
 from executor.adapters.interrupts import end_with_parent
@@ -23,18 +22,8 @@ class WorkCancelled(ExecutorError):
     """Raised when an answer is no longer needed."""
 
 
-@dataclass(frozen=True, slots=True)
-class WorkProgress:
-    """Progress of a worker's search."""
-
-    job: int
-    iterations: int
-    value: float
-    """Cost of the best plan so far."""
-    uncovered: int
-
-
 _shared: ctypes.Array[ctypes.c_double] | None = None
+"""Job that last reported, cost of its best plan, number of segments that this leaves out, and last cancelled job."""
 
 
 def report_progress(job: int) -> Callable[[Progress], None]:
@@ -43,9 +32,9 @@ def report_progress(job: int) -> Callable[[Progress], None]:
     def report(progress: Progress) -> None:
         if _shared is None:
             return
-        _shared[1:4] = [float(progress.iterations), progress.value, float(progress.uncovered)]
+        _shared[1:3] = [progress.value, float(progress.uncovered)]
         _shared[0] = float(job)
-        if _shared[4] >= job:
+        if _shared[3] >= job:
             raise WorkCancelled("cancelled")
 
     return report
@@ -69,19 +58,19 @@ class Worker:
         """Set its name, for messages."""
         self._name = name
         # Without a lock: a worker killed while holding one would keep it.
-        self._shared = SPAWNED.RawArray("d", [-1.0, 0.0, 0.0, 0.0, -1.0])
+        self._shared = SPAWNED.RawArray("d", [-1.0, 0.0, 0.0, -1.0])
         self._worker = OneWorker(_prepare, self._shared)
         self._closed = False
 
     @property
-    def progress(self) -> WorkProgress:
-        """Progress of the job that last reported."""
-        job, iterations, value, uncovered, _ = self._shared
-        return WorkProgress(int(job), int(iterations), value, int(uncovered))
+    def progress(self) -> tuple[int, float, int]:
+        """Job that last reported, cost of its best plan so far, and number of segments that this leaves out."""
+        job, value, uncovered, _ = self._shared
+        return int(job), value, int(uncovered)
 
     def cancel(self, job: int) -> None:
         """Cancel a job, and all before it, at its next check."""
-        self._shared[4] = max(self._shared[4], float(job))
+        self._shared[3] = max(self._shared[3], float(job))
 
     def submit(self, work: Callable[P, T], *words: P.args, **named: P.kwargs) -> Future[T]:
         """Submit work; the first call starts the process."""

@@ -23,8 +23,7 @@ async def _one_after_another() -> None:
     worker = Worker("testing")
     try:
         assert await worker.run(search, 1, 5) == 5
-        progress = worker.progress
-        assert (progress.job, progress.value, progress.uncovered) == (1, 96.0, 2)
+        assert worker.progress == (1, 96.0, 2)
         worker.cancel(2)
         with pytest.raises(WorkCancelled):
             await worker.run(search, 2, 10**9)
