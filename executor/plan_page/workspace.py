@@ -7,6 +7,7 @@ processes: one plans, the other answers questions meanwhile.
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import suppress
@@ -274,17 +275,8 @@ class Workspace:
         self.revision += 1
         self.planning.open(self.store.path)
         values, _, self._problems = check_text(self.store.history.text)
-        self._values = _to_plain(values)
+        self._values = json.loads(json.dumps(values, default=str))  # TOML also has times
         self._stamps = stamp_files(values, self.store.path.parent)
         self._facts = sum_up_facts(self._values, self._stamps)
         self._wanted.set()
         self.news.set()
-
-
-def _to_plain(values: Any) -> Any:  # noqa: ANN401 - any value of a file
-    """Return values in JSON types: TOML also has times."""
-    if isinstance(values, dict):
-        return {key: _to_plain(one) for key, one in values.items()}
-    if isinstance(values, list):
-        return [_to_plain(one) for one in values]
-    return values if isinstance(values, str | int | float) else str(values)
