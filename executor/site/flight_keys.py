@@ -11,6 +11,7 @@ from executor.core.fault_thresholds import Limits
 from executor.core.interface.connection import Connection, parse_connection
 from executor.core.interface.messages import GROUND_STATION
 from executor.site.site_keys import FileName, Positive, SiteTable, Speed
+from missions.validation import Name
 
 
 class FlightTable(SiteTable):
@@ -179,7 +180,6 @@ class ForwardTable(SiteTable):
         return tuple(map(parse_connection, self.to))
 
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
 Clock = Annotated[str, Field(pattern=r"^([01][0-9]|2[0-3]):[0-5][0-9]$")]
 Seconds = Annotated[float, Field(ge=0, le=86_400, allow_inf_nan=False)]
 

@@ -15,6 +15,7 @@ from missions import AUTOPILOTS, SNAP_M, parse_where
 from missions.cameras import AIM_DEG, LEAST_INTERVAL_S
 from missions.inspection_defaults import Inspection
 from missions.terrain import GROUND_MARGIN_M
+from missions.validation import Name
 from planner import PRESETS
 from planner.risk import RESERVE_PCT
 
@@ -315,7 +316,7 @@ def check_connection_kind(value: object) -> object:
 class VehicleTable(SiteTable):
     """One vehicle."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+    name: Name
     """Name of the vehicle everywhere: a letter, then letters, digits, - and _."""
     connection: Annotated[str | tuple[str, ...], BeforeValidator(check_connection_kind)]
     """`udpin://HOST:PORT` and `tcpin://HOST:PORT` listen, `udpout://HOST:PORT` and `tcpout://HOST:PORT` call,
@@ -373,7 +374,6 @@ class VehicleTable(SiteTable):
         return tuple(LinkRequest(link, self.sysid) for link in self.links)
 
 
-CameraName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
 Side = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=1, le=1_000_000)]
 
@@ -381,7 +381,7 @@ Pixels = Annotated[int, Field(ge=1, le=1_000_000)]
 class CameraTable(SiteTable):
     """A camera that vehicles carry."""
 
-    name: CameraName
+    name: Name
     """Name of the camera: a letter, then letters, digits, - and _."""
     id: Annotated[int, Field(ge=0, le=255)] = 0
     """Camera id in mission items: 1 to 6 are wired to the autopilot, 7 to 255 are component ids of MAVLink cameras (the
@@ -403,7 +403,7 @@ class CameraTable(SiteTable):
 class LookTable(SiteTable):
     """Required coverage of spans, or of pylons."""
 
-    camera: CameraName
+    camera: Name
     """Camera to use: only vehicles that carry it get these spans."""
     of: Literal["spans", "pylons"] = "spans"
     """Whether spans are inspected along the line, or pylons from viewpoints around them."""
