@@ -11,7 +11,7 @@ from datetime import datetime
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from typing import IO, Annotated, Any, ClassVar, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -166,13 +166,9 @@ def hold_lock(path: Path, taken: str) -> Iterator[None]:
         LogError: Another process holds it.
         ImportError: The system lacks file locks.
     """
-    if sys.platform == "win32":
-        raise ImportError("fcntl")
-    import fcntl
-
     with path.open("a+") as file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(file)
         except OSError as error:
             file.seek(0)
             raise LogError(f"{taken} (process {file.read().strip()})") from error
@@ -180,6 +176,20 @@ def hold_lock(path: Path, taken: str) -> Iterator[None]:
         file.write(f"{os.getpid()}\n")
         file.flush()
         yield
+
+
+def lock_file(file: IO[Any]) -> None:
+    """Lock an open file for this process; closing the file unlocks it.
+
+    Raises:
+        BlockingIOError: Another process holds it.
+        ImportError: The system lacks file locks.
+    """
+    if sys.platform == "win32":
+        raise ImportError("fcntl")
+    import fcntl
+
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
 from pathlib import Path, PurePath
-from typing import BinaryIO, Literal
+from typing import Literal
 
 import missions
+from executor.adapters.run_directory import lock_file
 from executor.errors import SiteError
 from executor.plan_page.site_store import WORK_FOLDER
 from executor.plan_page.site_view import import_network_once
@@ -102,7 +102,7 @@ async def receive_file(folder: Path, name: str, content: AsyncIterator[bytes]) -
     try:
         with draft.open("xb") as file:
             with suppress(ImportError):  # a system without locks
-                _hold(file)
+                lock_file(file)
             async for chunk in content:
                 length += len(chunk)
                 if length > MOST_UPLOAD:
@@ -120,26 +120,12 @@ def remove_drafts(folder: Path) -> None:
     """Remove partial uploads of a server that was killed; those of another running server stay."""
     for draft in folder.glob(f".*{DRAFT}"):
         with suppress(OSError, ImportError), draft.open("rb") as file:
-            _hold(file)
+            lock_file(file)
             draft.unlink()
 
 
 def _draft_of(path: Path) -> Path:
     return path.with_name(f".{path.name}{DRAFT}")
-
-
-def _hold(file: BinaryIO) -> None:
-    """Lock an open file for this process; closing the file unlocks it.
-
-    Raises:
-        BlockingIOError: another process holds it.
-        ImportError: the system has no such locks.
-    """
-    if sys.platform == "win32":
-        raise ImportError("fcntl")
-    import fcntl
-
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def find_free_name(path: Path) -> Path:
