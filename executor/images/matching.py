@@ -235,8 +235,8 @@ class ClockOffset:
 
     ahead_s: float
     """Seconds by which it is ahead."""
-    pairs: int
-    """Number of its files that then coincide with pictures."""
+    pairs: list[tuple[int, int]]
+    """Its files that then coincide with pictures, and these pictures, by their places in time."""
     score: float
     """Quality of the pairs: two cameras that fly alike have as many, but not as close ones."""
 
@@ -266,7 +266,7 @@ def find_clock_offset(card: PlacedTimes, pictures: PlacedTimes) -> ClockOffset |
     together = match_times(card, pictures, ahead_s)
     apart_s = np.array([card.times_s[file] - ahead_s - pictures.times_s[picture] for file, picture in together])
     wrong = ZONE_DOUBT * min(1.0, abs((ahead_s + ZONE_S / 2) % ZONE_S - ZONE_S / 2) / WRONG_S)
-    return ClockOffset(ahead_s, len(together), float((1.0 - np.abs(apart_s) / TOLERANCE_S).sum()) * (1.0 - wrong))
+    return ClockOffset(ahead_s, together, float((1.0 - np.abs(apart_s) / TOLERANCE_S).sum()) * (1.0 - wrong))
 
 
 def _compute_differences_s(card: PlacedTimes, pictures: PlacedTimes) -> FloatArray:
@@ -320,6 +320,12 @@ class MemoryCard:
     """Vehicle and camera of the files; None if they coincide with no camera's pictures."""
     offset: ClockOffset | None = None
 
+    @property
+    def timed(self) -> list[tuple[float, PictureFile]]:
+        """Files with a known time, in order of time."""
+        known = [(file.taken_s, file) for file in self.files if file.taken_s is not None]
+        return sorted(known, key=lambda pair: pair[0])
+
 
 @dataclass(frozen=True, slots=True)
 class Matching:
@@ -362,10 +368,8 @@ def match_files(index: ImageIndex, files: Sequence[PictureFile], folder: Path) -
     matches: list[FileMatch] = []
     for card in cards:
         if card.key is not None and card.offset is not None:
-            timed, times = _select_timed(card, frame)
-            ahead_s, rows = card.offset.ahead_s, groups[card.key]
-            pairs = match_times(times, pictures[card.key], ahead_s)
-            matches += (FileMatch(timed[file], rows[picture], ahead_s) for file, picture in pairs)
+            timed, rows, found = card.timed, groups[card.key], card.offset
+            matches += (FileMatch(timed[file][1], rows[picture], found.ahead_s) for file, picture in found.pairs)
     have = {id(match.image) for match in matches}
     used = {match.file.path for match in matches}
     return Matching(
@@ -410,14 +414,6 @@ def _frame_of(index: ImageIndex) -> LocalFrame:
     return LocalFrame(0.0, 0.0) if first is None else LocalFrame(first.lat_deg, first.lon_deg)
 
 
-def _select_timed(card: MemoryCard, frame: LocalFrame) -> tuple[list[PictureFile], PlacedTimes]:
-    """Return a card's files with a known time, in order, with their times and positions."""
-    known = [(file.taken_s, file) for file in card.files if file.taken_s is not None]
-    known.sort(key=lambda pair: pair[0])
-    times = build_placed_times(frame, [(taken_s, file.lat_deg, file.lon_deg) for taken_s, file in known])
-    return [file for _, file in known], times
-
-
 def _assign_owners(cards: list[MemoryCard], pictures: dict[Key, PlacedTimes], frame: LocalFrame) -> list[MemoryCard]:
     """Assign each card to a camera, the best match first.
 
@@ -425,19 +421,19 @@ def _assign_owners(cards: list[MemoryCard], pictures: dict[Key, PlacedTimes], fr
     """
     tried: list[tuple[float, int, Key, ClockOffset]] = []
     for number, card in enumerate(cards):
-        _, files = _select_timed(card, frame)
+        files = build_placed_times(frame, [(taken_s, file.lat_deg, file.lon_deg) for taken_s, file in card.timed])
         for key, own in pictures.items():
             found = find_clock_offset(files, own) if len(files.times_s) else None
             # Any two series of times have some pairs at some offset.
             needed = max(1, min(len(files.times_s), len(own.times_s)) // 2)
-            if found is not None and found.pairs >= needed:
+            if found is not None and len(found.pairs) >= needed:
                 tried.append((found.score, number, key, found))
     owned: dict[int, tuple[Key, ClockOffset]] = {}
     left = {key: len(own.times_s) for key, own in pictures.items()}
     for _, number, key, found in sorted(tried, key=lambda one: (-one[0], one[1], one[2])):
-        if number not in owned and left[key] >= found.pairs / 2:
+        if number not in owned and left[key] >= len(found.pairs) / 2:
             owned[number] = (key, found)
-            left[key] -= found.pairs
+            left[key] -= len(found.pairs)
     return [
         MemoryCard(card.name, card.files, *owned[number]) if number in owned else card
         for number, card in enumerate(cards)
