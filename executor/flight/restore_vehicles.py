@@ -120,10 +120,7 @@ def _parse_lists(path: Path) -> tuple[KeptList, ...]:
 
 
 def _build_list_file(kept: Iterable[KeptList]) -> Document:
-    rows = tuple(
-        _ListRow.build_from(one, list=one.name, new=(*one.earlier, one.new), state=one.stage)
-        for one in kept
-    )
+    rows = tuple(_ListRow.build_from(one, list=one.name, new=(*one.earlier, one.new), state=one.stage) for one in kept)
     return _ListFile(format="faultline-fences/1", lists=rows)
 
 

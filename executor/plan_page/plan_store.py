@@ -15,7 +15,7 @@ from typing import Any
 from executor.errors import SiteError
 from executor.plan_page.plan_work import MadePlan, name_plan
 from executor.plan_page.site_store import work_folder_of
-from missions.files import write_whole
+from missions.files import stamp_file, write_whole
 
 MOST_PLANS = 24
 """Number of plans to keep; the oldest are dropped, never the chosen one."""
@@ -66,9 +66,7 @@ class PlanStore:
     def take_chosen(self) -> Path | None:
         """Store a chosen plan that another program has written; return its file here if it is new."""
         try:
-            stat = self.file.stat()
-            seen = (stat.st_mtime_ns, stat.st_size)
-            if seen == self._seen:
+            if (seen := stamp_file(self.file)) == self._seen:
                 return None
             content = self.file.read_bytes()
             self._seen, self.chosen = seen, name_plan(content)
