@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated
 
 import typer
@@ -162,15 +161,13 @@ def _build_vehicle_entries(found: LogReplay) -> list[dict[str, object]]:
     ]
 
 
-BY: Mapping[Actor, str] = MappingProxyType(
-    {
-        Actor.PILOT: "by its pilot",
-        Actor.GROUND_STATION: "by a ground station",
-        Actor.FAILSAFE: "by its own failsafe",
-        Actor.MISSION: "by its mission",
-        Actor.UNKNOWN: "by an unknown source",
-    }
-)
+BY: Mapping[Actor, str] = {
+    Actor.PILOT: "by its pilot",
+    Actor.GROUND_STATION: "by a ground station",
+    Actor.FAILSAFE: "by its own failsafe",
+    Actor.MISSION: "by its mission",
+    Actor.UNKNOWN: "by an unknown source",
+}
 """Author of a mode change, in words."""
 
 
