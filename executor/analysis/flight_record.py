@@ -33,6 +33,8 @@ from planner.evaluate import compute_legs_pct, compute_legs_s
 
 Place = tuple[float, float]
 """Local east and north in metres."""
+Leg = tuple[Place, ...]
+"""A transit or an inspection: both ends, and around no-fly areas the corners between them."""
 
 SWAP_PCT = 20.0
 """Rise of the battery level that means a restart or another pack."""
@@ -95,20 +97,13 @@ class PlannedRoute:
 
     vehicle: str
     segments: tuple[int, ...]
-    way_m: tuple[Place, ...]
-    """Start, both ends of every segment in order of flight, and the depot, or where a sortie lands."""
+    legs_m: tuple[Leg, ...]
+    """Transits and inspections in turn, from the start to the depot, or to where a sortie lands."""
     energy: tuple[tuple[float, float], ...]
     """(seconds, percent used since the launch) at the start, at the end of every segment, and at the depot.
 
     A sortie of a day has only its start and end, with the consumption of its own pack.
     """
-    turns_m: tuple[tuple[Place, ...], ...] = ()
-    """Corners of each transit leg, where there are no-fly areas."""
-
-    @property
-    def places_m(self) -> FloatArray:
-        """All places on the route, (k, 2) float64."""
-        return np.array([*self.way_m, *(place for turns in self.turns_m for place in turns)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,12 +198,12 @@ def build_planned_route(
     uses_pct = accumulate(compute_legs_pct(instance, route), initial=used_pct)
     pad_m = DEPOT_M if content.pricing is None else content.pricing.bases[vehicle.name].place_m[:2]
     start_m = vehicle.start_m if vehicle.airborne else pad_m
+    turns_m = _find_turns_m(content, vehicle.name, route.visits, start_m, pad_m)
     return PlannedRoute(
         vehicle=vehicle.name,
         segments=_list_segments(content, route.visits),
-        way_m=(vehicle.start_m, *_list_ends_m(content, route.visits), DEPOT_M),
+        legs_m=tuple(_build_legs_m(content, route.visits, vehicle.start_m, DEPOT_M, turns_m)),
         energy=tuple(zip(times_s, uses_pct, strict=True)),
-        turns_m=tuple(_find_turns_m(content, vehicle.name, route.visits, start_m, pad_m)),
     )
 
 
@@ -219,12 +214,12 @@ def build_planned_sorties(content: DayPlanFile) -> Iterator[PlannedRoute]:
     for one in content.routes:
         visits, began_s = content.visits_of(one), one.start_s - first_s
         start_m, end_m = (own[one.vehicle][base].place_m[:2] for base in (one.base, one.lands))
+        turns_m = _find_turns_m(content, one.vehicle, visits, start_m, end_m)
         yield PlannedRoute(
             vehicle=one.vehicle,
             segments=_list_segments(content, visits),
-            way_m=(start_m, *_list_ends_m(content, visits), end_m),
+            legs_m=tuple(_build_legs_m(content, visits, start_m, end_m, turns_m)),
             energy=((began_s, 0.0), (began_s + one.duration_s, one.energy_pct)),
-            turns_m=tuple(_find_turns_m(content, one.vehicle, visits, start_m, end_m)),
         )
 
 
@@ -232,16 +227,23 @@ def _list_segments(content: PlanFile | DayPlanFile, visits: Iterable[int]) -> tu
     return tuple(content.segments[planner.segment_of(visit)].id for visit in visits)
 
 
-def _list_ends_m(content: PlanFile | DayPlanFile, visits: Iterable[int]) -> Iterator[Place]:
+def _build_legs_m(
+    content: PlanFile | DayPlanFile, visits: Iterable[int], start_m: Place, end_m: Place, turns_m: Iterator[Leg]
+) -> Iterator[Leg]:
+    """Yield the transits and inspections of a route in turn, with the corners of each transit if there are any."""
+    here_m = start_m
     for visit in visits:
         segment = content.segments[planner.segment_of(visit)]
-        ends_m = (segment.a_enu_m[:2], segment.b_enu_m[:2])
-        yield from reversed(ends_m) if planner.is_reversed(visit) else ends_m
+        inspected_m = (segment.a_enu_m[:2], segment.b_enu_m[:2])[:: -1 if planner.is_reversed(visit) else 1]
+        yield (here_m, *next(turns_m, ()), inspected_m[0])
+        yield inspected_m
+        here_m = inspected_m[1]
+    yield (here_m, *next(turns_m, ()), end_m)
 
 
 def _find_turns_m(
     content: PlanFile | DayPlanFile, vehicle: str, visits: Iterable[int], start_m: Place, end_m: Place
-) -> Iterator[tuple[Place, ...]]:
+) -> Iterator[Leg]:
     """Yield the corners of every transit between two inspections, from the start, and to the landing."""
     if content.pricing is None or not content.areas:
         return

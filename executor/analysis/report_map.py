@@ -228,7 +228,6 @@ def _build_plan(name: str, routes: Iterable[flight_record.PlannedRoute]) -> Repo
 
 def _list_way(route: flight_record.PlannedRoute) -> Iterator[flight_record.Place]:
     """Yield all places of a route, in order."""
-    for index, place in enumerate(route.way_m):
-        yield place
-        if index % 2 == 0 and index // 2 < len(route.turns_m):
-            yield from route.turns_m[index // 2]
+    for leg in route.legs_m:
+        yield from leg[:-1]
+    yield route.legs_m[-1][-1]

@@ -24,6 +24,8 @@ FONT_PT = 9.0
 _CHAR_IN, _LINE_IN = 0.62 * FONT_PT / 72.0, 1.9 * FONT_PT / 72.0
 INSPECTING_PT, TRANSIT_PT = 2.8, 0.8
 """Line widths of inspections and transits."""
+GAP = (np.nan, np.nan)
+"""Place between two pieces of a drawn line."""
 
 
 def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
@@ -36,7 +38,9 @@ def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Fig
         Line2D([], [], ls="", marker="*", ms=11, mfc=INK, mec=PAPER, label="depot"),
         *map_sheet.build_area_handles(content.areas),
     ]
-    places = np.concatenate((content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), [DEPOT_M]))
+    places = np.concatenate(
+        [content.ends_m.reshape(-1, 2), *(leg for route in routes for leg in route.legs_m), [DEPOT_M]]
+    )
     count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_describe_choice(content)}"
     sheet = map_sheet.make_sheet(places, title, "Plan", handles)
@@ -62,13 +66,13 @@ def _name_vehicles(
     styles: Mapping[str, VehicleStyle],
 ) -> None:
     """Write each vehicle's name next to its inspection that is farthest from those of others, off all lines."""
-    lines = itertools.chain(ends_m, *(itertools.pairwise(np.array(route.way_m)) for route in routes))
+    lines = itertools.chain(ends_m, ((leg[0], leg[-1]) for route in routes for leg in route.legs_m))
     drawn = [sample_leg(np.stack(ends), 0.05 * sheet.m_per_in) for ends in lines]
     placer = map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
-    middles: dict[str, FloatArray] = {}
-    for route in routes:
-        ends = zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True)
-        middles[route.vehicle] = np.array([np.mean(pair, axis=0) for pair in ends]).reshape(-1, 2)
+    middles = {
+        route.vehicle: np.array([np.mean(ends, axis=0) for ends in route.legs_m[1::2]]).reshape(-1, 2)
+        for route in routes
+    }
     for name, places in middles.items():
         others = [np.zeros((0, 2)), *(other for key, other in middles.items() if key != name)]
         best = map_sheet.find_farthest(places, np.concatenate(others))
@@ -84,15 +88,8 @@ def _name_vehicles(
 
 
 def _draw_route(sheet: map_sheet.MapSheet, route: flight_record.PlannedRoute, style: VehicleStyle) -> None:
-    way = np.array(route.way_m)
-    # From the start on, every other leg is an inspection; the rest is transit.
-    for first, width_pt in ((0, TRANSIT_PT), (1, INSPECTING_PT)):
-        legs = [way[index : index + 2] for index in range(first, len(way) - 1, 2)]
-        if first == 0 and route.turns_m:
-            legs = [
-                np.array([leg[0], *turns, leg[1]]) for leg, turns in zip(legs, route.turns_m, strict=True)
-            ]  # fmt: skip
-        broken = np.concatenate([np.vstack((leg, [np.nan, np.nan])) for leg in legs]) if legs else np.zeros((0, 2))
+    for legs, width_pt in ((route.legs_m[::2], TRANSIT_PT), (route.legs_m[1::2], INSPECTING_PT)):
+        broken = np.array([place for leg in legs for place in (*leg, GAP)]).reshape(-1, 2)
         # On a coloured background lines need a white edge.
         effects = make_white_edge(width_pt + 1.6) if sheet.busy else []
         sheet.axes.plot(broken[:, 0], broken[:, 1], color=style.colour, lw=width_pt, zorder=4, path_effects=effects,

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.analysis.flight_record import (
+    PlannedRoute,
     compute_used_pct,
     draw_at_pct,
     find_abandoned_segments,
@@ -27,6 +28,13 @@ from executor.errors import LogError
 from missions import write_plan
 from tests.executor.flights import write_run
 from tests.executor.site.two_bases import between_bases
+
+
+def eastings_of(route: PlannedRoute) -> list[float]:
+    """Return where a route starts, where each inspection begins and ends, and where the route ends."""
+    starts, ends = ([leg[0] for leg in route.legs_m], [leg[-1] for leg in route.legs_m])
+    assert starts[1:] == ends[:-1]
+    return [east_m for east_m, _ in (*starts, ends[-1])]
 
 
 def test_vehicle_and_time_of_each_inspection(tmp_path: Path) -> None:
@@ -68,7 +76,7 @@ def test_the_first_plan_begins_at_the_launch(tmp_path: Path) -> None:
     one, two = first.routes
     assert (one.vehicle, one.segments) == ("uav1", (3, 4))
     assert np.array(one.energy) == pytest.approx(np.array([(0, 0), (60, 6), (80, 8), (140, 14)]), abs=1e-4)
-    assert np.array(one.way_m)[:, 0] == pytest.approx([0, 400, 500, 500, 600, 0], abs=1e-3)
+    assert eastings_of(one) == pytest.approx([0, 400, 500, 500, 600, 0], abs=1e-3)
     assert (two.vehicle, two.segments) == ("uav2", (0, 1, 2))
     assert record.longest_route_s == pytest.approx(140.0, abs=1e-3)
 
@@ -80,7 +88,7 @@ def test_a_replan_begins_where_the_vehicles_took_it_up(tmp_path: Path) -> None:
     one, three = again.routes
     # uav1 was at 500 m east after 60 s, with 6 % used; uav3 was seen in the air at 63 s, with 0.1 % used at most.
     assert np.array(one.energy) == pytest.approx(np.array([(60, 6), (80, 8), (120, 12), (150, 15)]), abs=1e-3)
-    assert np.array(one.way_m)[:, 0] == pytest.approx([500, 500, 600, 400, 300, 0], abs=1e-3)
+    assert eastings_of(one) == pytest.approx([500, 500, 600, 400, 300, 0], abs=1e-3)
     assert [t_s for t_s, _ in three.energy] == pytest.approx([63, 103, 133], abs=1e-3)
     assert three.energy[0][1] == pytest.approx(0.0, abs=0.3)
 
@@ -223,10 +231,10 @@ def test_a_day_has_all_its_sorties(tmp_path: Path) -> None:
     assert [(one.vehicle, one.segments) for one in (out, back)] == [
         ("uav1", (0, 1, 2, 3, 4, 5)), ("uav1", (11, 10, 9, 8, 7, 6))
     ]  # fmt: skip
-    west, east = (out.way_m[0], out.way_m[-1])
-    assert (back.way_m[0], back.way_m[-1]) == (east, west)
+    west, east = (out.legs_m[0][0], out.legs_m[-1][-1])
+    assert (back.legs_m[0][0], back.legs_m[-1][-1]) == (east, west)
     assert east[0] - west[0] == pytest.approx(1300.0, abs=50.0)
-    assert [len(one.way_m) for one in (out, back)] == [14, 14]
+    assert [len(one.legs_m) for one in (out, back)] == [13, 13]
     assert [one.energy[0] for one in (out, back)] == [(0.0, 0.0), (1800.0, 0.0)]
     assert record.planned_for == dict.fromkeys(range(12), "uav1")
     assert record.first_words == "first sorties"
