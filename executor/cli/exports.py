@@ -67,11 +67,7 @@ def build_drawn_run(run: Path) -> exports.MapFeatures:
         }
         for number, segment in enumerate(record.segments)
     }
-    ways = [
-        *exports.build_segment_lines(setup, segments),
-        *_build_planned_ways(record, setup, first),
-        *_build_replanned_ways(run, record, setup, first),
-    ]
+    ways = [*exports.build_segment_lines(setup, segments), *_build_planned_ways(run, record, setup, first)]
     ways += [way for vehicle in record.vehicles for way in _build_flown_ways(record, setup.frame, vehicle)]
     spots = [*exports.build_pad_points(setup, exports.Reference.SEA), *_build_loss_places(record, setup)]
     return exports.MapFeatures(f"flight of {_format_time(record, 0.0)}", names, ways, spots)
@@ -83,42 +79,32 @@ def _format_time(record: FlightRecord, t_s: float) -> str:
 
 
 def _build_planned_ways(
-    record: FlightRecord, setup: missions.FlightSetup, first: missions.PlanFile
-) -> Iterator[exports.MapLine]:
-    routes = {first.vehicles[route.vehicle].name: route.visits for route in first.plan.routes}
-    for name, path in build_first_paths(setup, routes).items():
-        if path.waypoints:
-            facts: dict[str, exports.Fact] = {
-                "revision": 0,
-                "begin": _format_time(record, 0.0),
-                "segments": len(routes[name]),
-            }
-            yield exports.build_route_line(setup, path, f"{name} planned", facts, reference=exports.Reference.SEA)
-
-
-def _build_replanned_ways(
     run: Path, record: FlightRecord, setup: missions.FlightSetup, first: missions.PlanFile
 ) -> Iterator[exports.MapLine]:
-    """Yield the re-plans uploaded in flight, each from where the vehicle began it."""
-    for revision in record.revisions[1:]:
-        content = missions.read_plan(RunDirectory(run).plan_path(revision.number))
+    """Yield the routes of the first plan, and those uploaded in flight, each from where the vehicle began it."""
+    firsts = build_first_paths(setup, {route.vehicle: first.visits_of(route) for route in first.routes})
+    for revision in record.revisions:
+        number = revision.number
+        content = missions.read_plan(RunDirectory(run).plan_path(number)) if number else first
         on_board = {route.vehicle for route in revision.routes}
         for vehicle, route in zip(content.vehicles, content.routes, strict=True):
             if vehicle.name not in on_board:
                 continue
             visits = first.visits_of(route)
-            if vehicle.airborne:
+            if not number:
+                path = firsts[vehicle.name]
+            elif vehicle.airborne:
                 up_m = vehicle.start_up_m if content.pricing is not None else None
                 path = _build_path_from_air(setup, vehicle.name, vehicle.start_m, up_m, visits)
             else:
                 path = missions.build_flight_path(setup, vehicle.name, visits)
             if path.waypoints:
                 facts: dict[str, exports.Fact] = {
-                    "revision": revision.number,
+                    "revision": number,
                     "begin": _format_time(record, revision.decided_s),
                     "segments": len(visits),
                 }
-                name = f"{vehicle.name} re-plan {revision.number}"
+                name = f"{vehicle.name} {f're-plan {number}' if number else 'planned'}"
                 yield exports.build_route_line(setup, path, name, facts, reference=exports.Reference.SEA)
 
 
