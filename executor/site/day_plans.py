@@ -99,10 +99,7 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
     return DayPlanFile(
         format=FORMAT,
         frame=ground.network.frame,
-        bases=tuple(
-            replace(place, turnaround_s=base.turnaround_s, packs=base.packs, recharge_s=base.recharge_s)
-            for base, place in zip(tables, places, strict=True)
-        ),
+        bases=places,
         vehicles=vehicles,
         routes=(),
         uncovered=tuple(wanted),

@@ -215,7 +215,7 @@ def base_tables(site: Site, frame: LocalFrame) -> tuple[BaseTable, ...]:
 
 
 def base_place(network: Network, base: BaseTable, terrain: Terrain | None = None) -> BasePlace:
-    """Return a base's place; a missing height comes from the raster, or the nearest pylon."""
+    """Return a base in the form of plan files; a missing height comes from the raster, or the nearest pylon."""
     alt_m, at_m = base.alt_m, np.array(network.frame.to_local_m(base.lat_deg, base.lon_deg))
     if terrain is not None:
         alt_m = float(terrain.elevation.interpolate_m(at_m[np.newaxis])[0].round(1))
@@ -225,7 +225,7 @@ def base_place(network: Network, base: BaseTable, terrain: Terrain | None = None
         segment = network.segments[nearest // 2]
         elevation_m = network.pylons[segment.b if nearest % 2 else segment.a].elevation_m
         alt_m = network.frame.alt_m if elevation_m is None else elevation_m
-    return BasePlace(base.name, base.lat_deg, base.lon_deg, alt_m)
+    return BasePlace(base.name, base.lat_deg, base.lon_deg, alt_m, base.turnaround_s, base.packs, base.recharge_s)
 
 
 def base_places_m(site: Site, frame: LocalFrame) -> dict[str, tuple[float, float]]:
