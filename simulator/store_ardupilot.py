@@ -222,7 +222,9 @@ class ArduPilotStore(ArduPilotList):
         """Storage on the board; items beyond ``_count`` are stale but still present."""
         self._count = 1
         self._advised: set[str] = set()
-        self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (MissionKind.FENCE, MissionKind.RALLY)}
+        self._lists: dict[int, ArduPilotList] = {
+            kind: ArduPilotList(kind, patience_s) for kind in (MissionKind.FENCE, MissionKind.RALLY)
+        }
 
     @property
     def upload(self) -> Transfer | None:

@@ -63,7 +63,7 @@ class Px4Store(Uploading):
         """Partner of the present or last transfer."""
         self._integer = True
         """Whether it requests items with MISSION_REQUEST_INT."""
-        self._last_count, self._last_kind = 0, MissionKind.MISSION
+        self._last_count, self._last_kind = 0, int(MissionKind.MISSION)
         """Length and kind of the last transfer, whose final ACK may be lost."""
 
     @property
