@@ -284,7 +284,8 @@ class SimulatedVehicle:
                 self.autopilot.receive(Received(self._stranger, self.autopilot.build_mode_order(word)))
             case InjectionKind.REFUSE_UPLOAD | InjectionKind.HALF_UPLOAD:
                 refuses = kind is InjectionKind.REFUSE_UPLOAD
-                self.autopilot.store.fault = UploadFault.REFUSE if refuses else UploadFault.HALF
+                for store in self.autopilot.stores:
+                    store.fault = UploadFault.REFUSE if refuses else UploadFault.HALF
             case _:
                 self.autopilot.apply_injection(kind, word, value)
 

@@ -12,6 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from missions.items import MissionItem
+
 
 class Severity(IntEnum):
     """MAV_SEVERITY, as far as used."""
@@ -122,7 +124,6 @@ class LandedState(IntEnum):
 INT32_MAX = 2147483647
 FieldValue = int | float | bytes | Sequence[int] | Sequence[float]
 
-MISSION_TYPE_MISSION = 0
 TEXT_CHUNK = 50
 """Bytes of text in one STATUSTEXT."""
 
@@ -211,15 +212,7 @@ class MissionWritePartialList:
 class ItemReceived:
     """MISSION_ITEM_INT, or MISSION_ITEM with its degrees turned into 1e-7 degrees."""
 
-    seq: int
-    frame: int
-    command: int
-    params: tuple[float, float, float, float]
-    x: int
-    y: int
-    z: float
-    current: bool
-    autocontinue: bool
+    item: MissionItem
     mission_type: int
     integer: bool = True
     """Whether it came as MISSION_ITEM_INT."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from missions.items import PAYLOAD, Command, Frame, MissionItem
+from missions.items import PAYLOAD, Command, Frame, MissionItem, MissionKind
 from missions.items import PlaceCommand as Item
 from simulator import messages
 from simulator.physics import Home, Place
@@ -57,8 +57,7 @@ class Transfer:
     next: int = 0
     items: list[MissionItem] = field(default_factory=list)
     """PX4's second buffer, and both autopilots' for fences and rally points."""
-    kind: int = messages.MISSION_TYPE_MISSION
-    """MAV_MISSION_TYPE."""
+    kind: int = MissionKind.MISSION
     rest: tuple[MissionItem, ...] = ()
     """Items after the transferred ones that stay, in a partial upload."""
 
@@ -88,14 +87,6 @@ class Uploading:
         return 0 if self.upload is None else self.upload.partner.link
 
 
-def to_item(received: messages.ItemReceived) -> MissionItem:
-    """Return the item as data."""
-    return MissionItem(
-        received.seq, received.frame, received.command, *received.params, received.x, received.y, received.z,
-        received.current, received.autocontinue,
-    )  # fmt: skip
-
-
 def has_place(item: MissionItem) -> bool:
     """Return whether the item has coordinates; zeros mean the present position."""
     return item.command in {Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF} and (item.x, item.y) != (0, 0)
@@ -120,7 +111,7 @@ def is_relative(item: MissionItem) -> bool:
 def acknowledge(
     partner: messages.Peer,
     result: messages.MissionResult,
-    kind: int = messages.MISSION_TYPE_MISSION,
+    kind: int = MissionKind.MISSION,
     texts: tuple[tuple[int, str], ...] = (),
     *,
     opaque_id: int = 0,
@@ -134,7 +125,7 @@ def acknowledge(
 
 
 def build_mission_count(
-    partner: messages.Peer, count: int, opaque_id: int = 0, mission_type: int = messages.MISSION_TYPE_MISSION
+    partner: messages.Peer, count: int, opaque_id: int = 0, mission_type: int = MissionKind.MISSION
 ) -> messages.Outbound:
     """Return a MISSION_COUNT."""
     return messages.build_message(
@@ -144,7 +135,7 @@ def build_mission_count(
 
 
 def build_mission_request(
-    name: str, partner: messages.Peer, seq: int, mission_type: int = messages.MISSION_TYPE_MISSION
+    name: str, partner: messages.Peer, seq: int, mission_type: int = MissionKind.MISSION
 ) -> messages.Outbound:
     """Return a MISSION_REQUEST or MISSION_REQUEST_INT."""
     return messages.build_message(
@@ -153,7 +144,7 @@ def build_mission_request(
 
 
 def build_mission_item(
-    partner: messages.Peer, item: MissionItem, *, integer: bool, mission_type: int = messages.MISSION_TYPE_MISSION
+    partner: messages.Peer, item: MissionItem, *, integer: bool, mission_type: int = MissionKind.MISSION
 ) -> messages.Outbound:
     """Return a MISSION_ITEM_INT, or the older MISSION_ITEM in degrees."""
     placed = item.frame != Frame.MISSION

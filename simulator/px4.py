@@ -534,7 +534,7 @@ class Px4(Px4Guided):
                     "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
                     mission_state=int(self.mission.report_state(self.now_s, active=self.mode in MISSION_MODES)),
                     mission_mode=1 if self.mode in MISSION_MODES else 2,
-                    mission_id=self._store.mission_id,
+                    mission_id=self._store.lists.mission_id,
                 )  # fmt: skip
             case "ESTIMATOR_STATUS":
                 # After a flight in which GPS was lost it still dead-reckons on the ground.

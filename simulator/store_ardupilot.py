@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from missions.items import Command, Frame, MissionItem, PlaceCommand
+from missions.items import Command, Frame, MissionItem, MissionKind, PlaceCommand
 from missions.stored_items import predict_stored_item
 from simulator.messages import (
-    MISSION_TYPE_MISSION,
     ItemReceived,
     MissionAckReceived,
     MissionClearAll,
@@ -34,15 +33,13 @@ from simulator.mission_store import (
     build_mission_count,
     build_mission_item,
     build_mission_request,
-    to_item,
 )
 
-FENCE, RALLY = 1, 2
-MOST = {MISSION_TYPE_MISSION: 650, FENCE: 70, RALLY: 20}
+MOST = {MissionKind.MISSION: 650, MissionKind.FENCE: 70, MissionKind.RALLY: 20}
 """Item capacity of the board (measured); other boards hold more."""
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0
-NAMES = {MISSION_TYPE_MISSION: "Mission", FENCE: "Fence", RALLY: "Rally"}
+NAMES = {MissionKind.MISSION: "Mission", MissionKind.FENCE: "Fence", MissionKind.RALLY: "Rally"}
 _SHAPES = frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT})
 _POLYGONS = frozenset({PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX})
 
@@ -50,7 +47,7 @@ _POLYGONS = frozenset({PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VER
 class ArduPilotList(Uploading):
     """A list of items and the dialogue that changes it: a fence, rally points, or a mission, which extends it."""
 
-    def __init__(self, kind: int, patience_s: float = 0.0) -> None:
+    def __init__(self, kind: MissionKind, patience_s: float = 0.0) -> None:
         self.kind = kind
         self.fault = UploadFault.NONE
         self._items: tuple[MissionItem, ...] = ()
@@ -134,14 +131,14 @@ class ArduPilotList(Uploading):
         upload = self._upload
         if upload is None:
             return self._build_ack(sender, MissionResult.ERROR)
-        if message.seq != upload.next:
+        if message.item.seq != upload.next:
             # A warning only: the upload continues.
             return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
-        refusal = self._refuse_item(message)
+        refusal = self._refuse_item(message.item)
         if refusal is not None:
             self._upload = None
             return self._build_ack(sender, refusal)
-        self._keep_item(upload, to_item(message))
+        self._keep_item(upload, message.item)
         upload.next += 1
         upload.heard_s = now_s
         if upload.next == upload.count:
@@ -153,13 +150,13 @@ class ArduPilotList(Uploading):
     def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:  # noqa: ARG002 - nothing to say
         return step
 
-    def _refuse_item(self, item: ItemReceived | MissionItem) -> MissionResult | None:
-        known = _SHAPES if self.kind == FENCE else {PlaceCommand.RALLY_POINT}
+    def _refuse_item(self, item: MissionItem) -> MissionResult | None:
+        known = _SHAPES if self.kind is MissionKind.FENCE else {PlaceCommand.RALLY_POINT}
         return None if item.command in known else MissionResult.UNSUPPORTED
 
     def _keep_item(self, upload: Transfer, item: MissionItem) -> None:
         # It is sent back without flags, and a rally point with the height in whole metres.
-        if self.kind == RALLY:
+        if self.kind is MissionKind.RALLY:
             item = replace(item, frame=Frame.GLOBAL_RELATIVE_ALT, z=float(int(item.z)))
         else:
             item = replace(item, frame=Frame.GLOBAL, param2=0.0, param3=0.0, z=0.0)
@@ -167,7 +164,7 @@ class ArduPilotList(Uploading):
 
     def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:
         items = (*upload.items, *upload.rest)
-        if self.kind == FENCE and not is_complete_list(items):
+        if self.kind is MissionKind.FENCE and not is_complete_list(items):
             return self._build_ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
         return self._replace_items(items, sender)
 
@@ -184,8 +181,8 @@ class ArduPilotList(Uploading):
 
     def _replace_items(self, items: tuple[MissionItem, ...], sender: Peer) -> StoreStep:
         self._items = items
-        texts = ((Severity.DEBUG, "Fence Indexed OK"),) if self.kind == FENCE else ()
-        return replace(self._build_ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind == FENCE)
+        texts = ((Severity.DEBUG, "Fence Indexed OK"),) if self.kind is MissionKind.FENCE else ()
+        return replace(self._build_ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind is MissionKind.FENCE)
 
     def _request_next_item(self, upload: Transfer, now_s: float) -> StoreStep:
         upload.asked_s = now_s
@@ -219,15 +216,15 @@ ITEM_ADVICE = "got MISSION_ITEM; GCS should send MISSION_ITEM_INT"
 class ArduPilotStore(ArduPilotList):
     """The mission on board; item 0 is the vehicle's own home and never overwritten."""
 
-    mission_id = 0
-
     def __init__(self, home: MissionItem, patience_s: float = 0.0) -> None:
-        super().__init__(MISSION_TYPE_MISSION, patience_s)
+        super().__init__(MissionKind.MISSION, patience_s)
         self._memory: list[MissionItem] = [home]
         """Storage on the board; items beyond ``_count`` are stale but still present."""
         self._count = 1
         self._advised: set[str] = set()
-        self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
+        self._lists: dict[int, ArduPilotList] = {
+            kind: ArduPilotList(kind, patience_s) for kind in (MissionKind.FENCE, MissionKind.RALLY)
+        }
 
     @property
     def upload(self) -> Transfer | None:
@@ -246,12 +243,12 @@ class ArduPilotStore(ArduPilotList):
     @property
     def fence(self) -> tuple[MissionItem, ...]:
         """The fence on board."""
-        return self._lists[FENCE].items
+        return self._lists[MissionKind.FENCE].items
 
     @property
     def rally(self) -> tuple[MissionItem, ...]:
         """The rally points on board."""
-        return self._lists[RALLY].items
+        return self._lists[MissionKind.RALLY].items
 
     def item_at(self, seq: int) -> MissionItem | None:
         """Return the item at an index of the mission, or None."""
@@ -310,9 +307,9 @@ class ArduPilotStore(ArduPilotList):
 
     def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:
         advice = () if message.integer else self._recommend_int_messages(ITEM_ADVICE)
-        return replace(step, texts=(*advice, *step.texts), stored=message.seq > 0)
+        return replace(step, texts=(*advice, *step.texts), stored=message.item.seq > 0)
 
-    def _refuse_item(self, item: ItemReceived | MissionItem) -> MissionResult | None:
+    def _refuse_item(self, item: MissionItem) -> MissionResult | None:
         if item.frame not in FRAMES:
             return MissionResult.UNSUPPORTED_FRAME
         return None if item.command in COMMANDS else MissionResult.UNSUPPORTED

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-from missions.items import Command, Frame, MissionItem, PlaceCommand, compute_list_checksum
+from missions.items import Command, Frame, MissionItem, MissionKind, PlaceCommand, compute_list_checksum
 from simulator import messages
 from simulator.mission_store import (
     StoreStep,
@@ -19,7 +19,6 @@ from simulator.mission_store import (
     build_mission_count,
     build_mission_item,
     build_mission_request,
-    to_item,
 )
 
 CAPACITY = 500
@@ -30,12 +29,11 @@ NAV_VTOL_TAKEOFF, NAV_VTOL_LAND = 84, 85
 BUSY = "WPM: REJ. CMD: Busy"
 COMMANDS = frozenset({*Command, NAV_VTOL_TAKEOFF, NAV_VTOL_LAND})
 FRAMES = frozenset(Frame)
-FENCE, RALLY = 1, 2
-MOST = {messages.MISSION_TYPE_MISSION: CAPACITY, FENCE: 64, RALLY: 32}
-"""Items, by MAV_MISSION_TYPE (dataman)."""
+MOST: Mapping[int, int] = {MissionKind.MISSION: CAPACITY, MissionKind.FENCE: 64, MissionKind.RALLY: 32}
+"""Items (dataman)."""
 _KNOWN: Mapping[int, Collection[int]] = {
-    messages.MISSION_TYPE_MISSION: COMMANDS, FENCE: frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT}),
-    RALLY: {PlaceCommand.RALLY_POINT},
+    MissionKind.MISSION: COMMANDS, MissionKind.FENCE: frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT}),
+    MissionKind.RALLY: {PlaceCommand.RALLY_POINT},
 }  # fmt: skip
 TIMEOUT_TEXT = (messages.Severity.WARNING, "Operation timeout")
 
@@ -47,7 +45,7 @@ class _Lists:
         self.items: dict[int, tuple[MissionItem, ...]] = dict.fromkeys(MOST, ())
         """The mission, the fence and the rally points."""
         self.mission_id = 0
-        self.fault = UploadFault.NONE
+        """CRC32 of the mission."""
         self.stores: list[Px4Store] = []
 
 
@@ -55,6 +53,8 @@ class Px4Store(Uploading):
     """The mission on board, and the transfers over one link: `beside` is the first link's store."""
 
     def __init__(self, patience_s: float = 0.0, beside: Px4Store | None = None) -> None:
+        self.fault = UploadFault.NONE
+        """Effect of an injected fault on uploads."""
         self._give_up_s = max(GIVE_UP_S, patience_s)
         self.lists: _Lists = _Lists() if beside is None else beside.lists
         self.lists.stores.append(self)
@@ -63,37 +63,23 @@ class Px4Store(Uploading):
         """Partner of the present or last transfer."""
         self._integer = True
         """Whether it requests items with MISSION_REQUEST_INT."""
-        self._last_count, self._last_kind = 0, messages.MISSION_TYPE_MISSION
+        self._last_count, self._last_kind = 0, int(MissionKind.MISSION)
         """Length and kind of the last transfer, whose final ACK may be lost."""
-
-    @property
-    def fault(self) -> UploadFault:
-        """Effect of an injected fault on uploads."""
-        return self.lists.fault
-
-    @fault.setter
-    def fault(self, fault: UploadFault) -> None:
-        self.lists.fault = fault
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
         """The mission."""
-        return self.lists.items[messages.MISSION_TYPE_MISSION]
+        return self.lists.items[MissionKind.MISSION]
 
     @property
     def fence(self) -> tuple[MissionItem, ...]:
         """The fence on board."""
-        return self.lists.items[FENCE]
+        return self.lists.items[MissionKind.FENCE]
 
     @property
     def rally(self) -> tuple[MissionItem, ...]:
         """The rally points on board."""
-        return self.lists.items[RALLY]
-
-    @property
-    def mission_id(self) -> int:
-        """CRC32 of the mission."""
-        return self.lists.mission_id
+        return self.lists.items[MissionKind.RALLY]
 
     @property
     def is_busy(self) -> bool:
@@ -154,7 +140,7 @@ class Px4Store(Uploading):
     def _empty_list(self, sender: messages.Peer, kind: int) -> StoreStep:
         self._replace(kind, ())
         accepted = acknowledge(sender, messages.MissionResult.ACCEPTED, kind)
-        return replace(accepted, fenced=kind == FENCE, cleared=kind == messages.MISSION_TYPE_MISSION)
+        return replace(accepted, fenced=kind == MissionKind.FENCE, cleared=kind == MissionKind.MISSION)
 
     def _begin(self, message: messages.MissionCount, sender: messages.Peer, now_s: float) -> StoreStep:
         refused = acknowledge(sender, messages.MissionResult.ERROR, message.mission_type)
@@ -186,20 +172,21 @@ class Px4Store(Uploading):
         if upload is None:
             return self._handle_late_item(message, sender)
         upload.heard_s = now_s
-        if message.seq != upload.next or message.mission_type != upload.kind:
+        item = message.item
+        if item.seq != upload.next or message.mission_type != upload.kind:
             return StoreStep()
         refusal = None
-        if message.frame not in FRAMES:
+        if item.frame not in FRAMES:
             refusal = messages.MissionResult.UNSUPPORTED_FRAME
-        elif message.command not in _KNOWN[upload.kind]:
+        elif item.command not in _KNOWN[upload.kind]:
             refusal = messages.MissionResult.UNSUPPORTED
         if refusal is not None:
             self._upload = None
             return acknowledge(sender, refusal, upload.kind, _build_critical_text("IGN MISSION_ITEM: Invalid item"))
-        if message.command in {PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX} and message.params[0] < 3:
+        if item.command in {PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX} and item.param1 < 3:
             self._upload = None  # too few corners
             return acknowledge(sender, messages.MissionResult.ERROR, upload.kind)
-        upload.items.append(to_item(message))
+        upload.items.append(item)
         upload.next += 1
         if upload.next == upload.count:
             return self._finish(upload)
@@ -211,8 +198,8 @@ class Px4Store(Uploading):
         refused = acknowledge(sender, messages.MissionResult.ERROR, message.mission_type)
         if self._download is not None:
             return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: Busy"))
-        if message.seq == self._last_count - 1 and message.mission_type == self._last_kind:
-            if message.mission_type != messages.MISSION_TYPE_MISSION:
+        if message.item.seq == self._last_count - 1 and message.mission_type == self._last_kind:
+            if message.mission_type != MissionKind.MISSION:
                 return acknowledge(sender, messages.MissionResult.ACCEPTED, message.mission_type)
             # The final ACK was lost: it is repeated.
             return acknowledge(sender, messages.MissionResult.ACCEPTED, opaque_id=self.lists.mission_id)
@@ -221,10 +208,10 @@ class Px4Store(Uploading):
     def _finish(self, upload: Transfer) -> StoreStep:
         self._upload = None
         self._last_count, self._last_kind = upload.count, upload.kind
-        if upload.kind != messages.MISSION_TYPE_MISSION:
+        if upload.kind != MissionKind.MISSION:
             self._replace(upload.kind, tuple(upload.items))
             accepted = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, upload.kind)
-            return replace(accepted, fenced=upload.kind == FENCE)
+            return replace(accepted, fenced=upload.kind == MissionKind.FENCE)
         crc = compute_list_checksum(upload.items)
         reply = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, opaque_id=crc)
         if crc == self.lists.mission_id:

@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from missions.items import Frame
+from missions.items import Frame, MissionItem
 from simulator import messages
 from simulator.config import Signing
 
@@ -54,10 +54,11 @@ def _parse_set_point(said: Fields, *, local: bool) -> messages.SetPoint:
 
 def _parse_item(said: Fields, *, integer: bool) -> messages.ItemReceived:
     to_whole = int if integer else _to_e7 if said.frame != Frame.MISSION else _to_whole
-    return messages.ItemReceived(
-        said.seq, said.frame, said.command, (said.param1, said.param2, said.param3, said.param4), to_whole(said.x),
-        to_whole(said.y), said.z, bool(said.current), bool(said.autocontinue), said.mission_type, integer,
+    item = MissionItem(
+        said.seq, said.frame, said.command, said.param1, said.param2, said.param3, said.param4, to_whole(said.x),
+        to_whole(said.y), said.z, bool(said.current), bool(said.autocontinue),
     )  # fmt: skip
+    return messages.ItemReceived(item, said.mission_type, integer)
 
 
 def _to_whole(value: float) -> int:

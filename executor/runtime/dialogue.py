@@ -263,6 +263,17 @@ def listen_to(link: Link, listener: Callable[[Message], None]) -> Iterator[None]
         stop_listening()
 
 
+K = TypeVar("K", bound=Message)
+
+
+@contextmanager
+def collect(link: Link, kind: type[K]) -> Iterator[list[K]]:
+    """Collect every message of one kind from a vehicle inside the block."""
+    heard: list[K] = []
+    with listen_to(link, lambda message: heard.append(message) if isinstance(message, kind) else None):
+        yield heard
+
+
 @count_awake_time
 async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
     """Run a dialogue to its outcome.

@@ -278,18 +278,13 @@ async def upload_and_verify_fence(
         items: The fence.
         wanted: Asked before it is begun, and begun again.
     """
-    dropped: list[str] = []
-
-    def note(message: Message) -> None:
-        if isinstance(message, StatusText) and FENCE_DROPPED in message.text.lower():
-            dropped.append(message.text)
-
     if not wanted(False):
         return ProcedureResult(accepted=False, reason="it has left its mission", code=Ending.LEFT_MISSION)
-    with dialogue.listen_to(link, note):
+    with dialogue.collect(link, StatusText) as said:
         done = await upload_and_verify(link, clock, dialect, items, wanted, kind=MissionKind.FENCE)
         if done.accepted and items and dialect.geofence.checked_on_load:
             await asyncio.sleep(DROPPED_S / clock.speedup)
+    dropped = [one.text for one in said if FENCE_DROPPED in one.text.lower()]
     if done.accepted and dropped:
         return ProcedureResult(accepted=False, reason=f"dropped: {dropped[-1]}", code=Ending.FENCE_DROPPED)
     return done
@@ -323,14 +318,8 @@ async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> Procedure
 
     The crew's word is for now: if this computer stands still meanwhile, nothing more is ordered.
     """
-    said: list[str] = []
     armed = False
-
-    def note(message: Message) -> None:
-        if isinstance(message, StatusText) and message.severity <= 4:
-            said.append(message.text)
-
-    with dialogue.awake(clock) as able, dialogue.listen_to(link, note):
+    with dialogue.awake(clock) as able, dialogue.collect(link, StatusText) as texts:
         has_paused = able.watch_pauses()
         for step in dialect.start:
             if has_paused():
@@ -338,6 +327,7 @@ async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> Procedure
             done = await _start_step(link, clock, dialect, step, has_paused)
             armed = armed or done.armed
             if not done.accepted:
+                said = [one.text for one in texts if one.severity <= 4]
                 why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
                 return ProcedureResult(accepted=False, reason=why, armed=armed, code=done.code)
     return ProcedureResult(accepted=True)
@@ -473,14 +463,11 @@ async def _wait_for_confirmation(
     patience_s = max(MODE_TIMEOUT_S, PATIENCE_REAL_S * clock.speedup)
     seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), patience_s)
     if not seen:
-        shown: list[bool] = []
-        with dialogue.listen_to(
-            link, lambda message: shown.append(wanted(message)) if isinstance(message, Heartbeat) else None
-        ):
+        with dialogue.collect(link, Heartbeat) as beats:
             await send_order(link, clock, CommandDialogue(vehicle_commands.request_message(HEARTBEAT), "heartbeat"))
-            if not shown:
+            if not beats:
                 await wait_for(link, clock, lambda message: isinstance(message, Heartbeat), patience_s)
-        seen = any(shown)
+        seen = any(map(wanted, beats))
     return ProcedureResult(seen, "" if seen else otherwise, code=None if seen else Ending.NOT_CONFIRMED)
 
 
@@ -529,15 +516,9 @@ async def set_streams(link: Link, clock: Clock, messages: Iterable[int], interva
 
 async def is_stream_on(link: Link, clock: Clock, message: int) -> bool | None:
     """Return whether a vehicle sends a message by itself; None where it does not say so."""
-    told: list[bool] = []
-
-    def note(heard: Message) -> None:
-        if isinstance(heard, MessageInterval) and heard.message == message:
-            told.append(heard.sent)
-
-    with dialogue.listen_to(link, note):
+    with dialogue.collect(link, MessageInterval) as told:
         await send_order(link, clock, CommandDialogue(vehicle_commands.ask_interval(message), "stream"))
-    return told[-1] if told else None
+    return next((one.sent for one in reversed(told) if one.message == message), None)
 
 
 async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, float], *, again: bool = False) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from missions.items import Command as ItemCommand
-from missions.items import Frame, MissionItem
+from missions.items import Frame, MissionItem, MissionKind
 from simulator.airframe import Event
 from simulator.autopilot import STEP_S, Autopilot
 from simulator.config import AutopilotKind, SimVehicle
@@ -79,10 +79,7 @@ def numbered(items: Iterable[MissionItem], current: int | None = None) -> tuple[
 
 
 def on_wire(item: MissionItem) -> ItemReceived:
-    params = (item.param1, item.param2, item.param3, item.param4)
-    return ItemReceived(
-        item.seq, item.frame, item.command, params, item.x, item.y, item.z, item.current, item.autocontinue, 0
-    )
+    return ItemReceived(item, MissionKind.MISSION)
 
 
 class Operator:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from missions.items import MissionItem
 from simulator.autopilot import BOOT_S
 from simulator.config import AutopilotKind
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
-from simulator.messages import ItemReceived
 from simulator.truth import Truth
-from tests.simulator.harness import is_happening, numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
+from tests.simulator.harness import is_happening, numbered, rtl, sim_vehicle, speed, takeoff, waypoint
 
 ROUTE = (takeoff(20.0), speed(5.0), waypoint(100, 0, 20.0), waypoint(100, 100, 20.0), rtl())
 KINDS = pytest.mark.parametrize("kind", list(AutopilotKind))
@@ -33,7 +33,7 @@ class Flight:
         self.log: list[tuple[float, Any]] = []
         self.truths: list[Truth] = []
         self.events: list[tuple[float, str]] = []
-        self.items: list[ItemReceived] = []
+        self.items: Sequence[MissionItem] = []
         self._beat_s = 0.0
 
     def send(self, message: Any) -> None:
@@ -61,7 +61,7 @@ class Flight:
     def upload(self, patience_s: float = 12.0) -> int | None:
         """Upload the route and return the final ACK's type, or None when there is none."""
         items = (waypoint(0, 0, 0.0), *ROUTE) if self.kind is AutopilotKind.ARDUPILOT else ROUTE
-        self.items = [on_wire(item) for item in numbered(items, 0)]
+        self.items = numbered(items, 0)
         began_s = self.vehicle.now_s
         while self.vehicle.now_s - began_s < patience_s:
             if not any(message.get_type().startswith("MISSION_REQ") for at_s, message in self.log if at_s >= began_s):
@@ -103,10 +103,11 @@ class Flight:
         self.truths += truths
         self.events += [(truth.t_s, truth.what) for truth in truths if is_happening(truth)]
 
-    def _answer(self, item: ItemReceived) -> None:
+    def _answer(self, item: MissionItem) -> None:
+        params = (item.param1, item.param2, item.param3, item.param4)
         self.send(
             dialect.MAVLink_mission_item_int_message(
-                11, 1, item.seq, item.frame, item.command, int(item.current), 1, *item.params, item.x, item.y, item.z
+                11, 1, item.seq, item.frame, item.command, int(item.current), 1, *params, item.x, item.y, item.z
             )
         )
 

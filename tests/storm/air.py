@@ -12,6 +12,7 @@ from benchmarks.virtual.radio import MemoryRadio
 from executor.adapters.mavlink.codec import DecodedFrame
 from executor.adapters.mavlink.endpoints import discard_frame
 from executor.core.interface.messages import Battery, Heartbeat, Message, Position, SystemStatus
+from missions.items import MissionKind
 from simulator.config import OTHER_STATION
 from simulator.fleet import STATION_COMPONENT, SimulatedVehicle
 from simulator.messages import (
@@ -187,12 +188,7 @@ class Air(MemoryRadio):
         items = autopilot.store.items[: max(2, len(autopilot.store.items) // 2)]
         autopilot.receive(Order(Peer(OTHER_STATION, STATION_COMPONENT), MissionCount(len(items), 0)))
         for item in items:
-            params = (item.param1, item.param2, item.param3, item.param4)
-            sent = ItemReceived(
-                item.seq, int(item.frame), int(item.command), params, item.x, item.y, item.z, current=item.current,
-                autocontinue=item.autocontinue, mission_type=0,
-            )  # fmt: skip
-            autopilot.receive(Order(Peer(OTHER_STATION, STATION_COMPONENT), sent))
+            autopilot.receive(Order(Peer(OTHER_STATION, STATION_COMPONENT), ItemReceived(item, MissionKind.MISSION)))
 
     def _noise(self) -> None:
         size = self._rng.randrange(1, 200)

@@ -284,7 +284,7 @@ def _install_pack(
 
 def _release_later_sorties(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Open the later sorties of a vehicle that is out of the plan to others."""
-    stays = vehicle.fault is not None or vehicle.orders.excluded or is_at_closed_base(context, state, vehicle)
+    stays = vehicle.is_pulled_out or is_at_closed_base(context, state, vehicle)
     if not vehicle.turn.ahead or not stays:
         return state, ()
     state, left = _open_later_sorties(context, state, (vehicle,))

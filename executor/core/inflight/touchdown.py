@@ -70,7 +70,7 @@ def apply_touchdown(
     )
     vehicle = change_stage(vehicle, Stage.LANDED).with_assignment(run=None).with_orders(errand=None, cleared_s=None)
     state = state.put(vehicle)
-    if vehicle.fault is None and not vehicle.orders.excluded and vehicle.name not in state.replanning.considered:
+    if not vehicle.is_pulled_out and vehicle.name not in state.replanning.considered:
         # It was descending at the last re-plan: segments given up then may be for it.
         state = state.with_replanning(considered=state.replanning.considered | {vehicle.name})
         if context.fly_again is RelaunchPolicy.AUTO and state.coverage.given_up and spare:

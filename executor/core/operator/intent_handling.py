@@ -164,7 +164,7 @@ def _exclude(pending: PendingIntent) -> _IntentResult:
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
     text = operator.TAKEN_OUT_RETURNS if told else operator.TAKEN_OUT
     alone, gone = replan_cycle.find_orphan_segments(pending.context, state), {Stage.LOST, Stage.RETURNING}
-    others = [one for one in state.vehicles.values() if one.fault is None and not one.orders.excluded]
+    others = [one for one in state.vehicles.values() if not one.is_pulled_out]
     if alone and all(one.name == vehicle.name or one.stage in gone for one in others):
         text += operator.NOBODY_IS_LEFT.format(count=len(alone))
     return _IntentResult(state, text, commands, told, level=Level.WARNING)

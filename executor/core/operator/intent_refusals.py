@@ -132,7 +132,7 @@ def _object_to_hold(pending: PendingIntent) -> Reasons:
     phase = None if vehicle.leg is None else vehicle.leg.phase
     yield vehicle.stage not in {Stage.FLYING, Stage.PILOT} and pending.refuse(operator.NOT_ON_MISSION)
     yield vehicle.orders.held_s is not None and operator.ON_HOLD
-    yield (vehicle.fault is not None or vehicle.orders.excluded) and operator.PULLED_OUT
+    yield vehicle.is_pulled_out and operator.PULLED_OUT
     yield vehicle.assignment.pending is not None and operator.UPLOADING
     yield phase is Phase.TAKEOFF and operator.CLIMBING
     yield phase is Phase.LAND and operator.IN_LANDING
@@ -189,7 +189,7 @@ def _object_to_inclusion(pending: PendingIntent) -> Reasons:
     yield from map(obstacles.get, (operator.NOT_AT_REST, operator.ABORTED, operator.NEVER_HEARD, operator.LINK_STALE))
     yield from map(obstacles.get, (operator.TILTED, operator.BASE_CLOSED))
     yield (vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None) and operator.CLEARED
-    in_plan = vehicle.fault is None and not vehicle.orders.excluded and not vehicle.assignment.stubborn
+    in_plan = not vehicle.is_pulled_out and not vehicle.assignment.stubborn
     wanted = not in_plan or find_open_segments(context, state) or is_offered_reinspection(state, vehicle)
     yield not wanted and operator.IN_PLAN
     yield from map(obstacles.get, (operator.OFF_PAD, operator.BATTERY_LOW))

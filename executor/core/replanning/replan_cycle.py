@@ -169,7 +169,7 @@ def set_aside_segments(context: Context, coverage: Coverage, segments: Iterable[
 
 
 def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozenset[int]) -> Stepped:
-    stages = {one.stage for one in state.vehicles.values() if one.fault is None and not one.orders.excluded}
+    stages = {one.stage for one in state.vehicles.values() if not one.is_pulled_out}
     if state.mission_vehicles() or not alone:
         return state, ()  # a vehicle is landing, or about to: it may fly again
     if Stage.RETURNING in stages and context.fly_again is RelaunchPolicy.AUTO:

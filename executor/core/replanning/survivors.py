@@ -56,13 +56,13 @@ def is_gone(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle is lost or out of the plan: its locks are lifted."""
     taken, stays = vehicle.custody.taken, vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
     left = vehicle.stage in {Stage.RETURNING, Stage.DOWN, Stage.LOST} or (taken is not None and taken.given_away)
-    return vehicle.fault is not None or vehicle.orders.excluded or left or stays
+    return vehicle.is_pulled_out or left or stays
 
 
 def is_out_of_plan(vehicle: VehicleState) -> bool:
     """Return whether a vehicle gets no segments until the crew, or the vehicle itself, changes that."""
-    orders, known = vehicle.orders, vehicle.assignment
-    out = vehicle.fault is not None or known.stubborn or orders.excluded or orders.held_s is not None
+    known = vehicle.assignment
+    out = vehicle.is_pulled_out or known.stubborn or vehicle.orders.held_s is not None
     return out or known.carried.may_be_foreign() or vehicle.turn.asked_s is not None
 
 
@@ -114,7 +114,7 @@ def build_pad_survivor(context: Context, fleet: FleetState, state: VehicleState)
 
 def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
     """Return whether a vehicle has not flown past the start of its offer."""
-    if vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.held_s is not None:
+    if vehicle.is_pulled_out or vehicle.orders.held_s is not None:
         return False
     if not offer.airborne:
         return vehicle.is_on_base

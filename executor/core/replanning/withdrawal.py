@@ -75,10 +75,7 @@ def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -
     if not left or state.progress.recalled:
         return ""
     others = any(
-        one.name != name
-        and one.fault is None
-        and not one.orders.excluded
-        and one.stage in {Stage.STARTING, Stage.FLYING}
+        one.name != name and not one.is_pulled_out and one.stage in {Stage.STARTING, Stage.FLYING}
         for one in state.vehicles.values()
     )
     line = replanning.TO_REASSIGN if others else replanning.FOR_NOBODY

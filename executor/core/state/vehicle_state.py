@@ -210,6 +210,11 @@ class VehicleState:
         return self.is_on_base or self.stage is Stage.DOWN
 
     @property
+    def is_pulled_out(self) -> bool:
+        """Whether it is at fault, or the operator took it out of the plan."""
+        return self.fault is not None or self.orders.excluded
+
+    @property
     def armed(self) -> bool:
         """Whether its last HEARTBEAT reported it armed."""
         return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.armed
