@@ -145,8 +145,7 @@ def _has_stopped(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     # On its pad it is landing, and disarms some seconds later.
     if vehicle.telemetry.on_ground and not is_over_pad(context, vehicle):
         return stood_s >= limits.on_ground_s
-    # A hovering vehicle reports airborne, but a wreck on a hill may too. PX4 1.18 took a minute to detect that it had landed
-    # on its pad.
+    # A hovering vehicle reports airborne, but a wreck on a hill may too, and PX4 1.18 for a minute after it has landed.
     hangs = vehicle.telemetry.on_ground is False and (
         fix.alt_rel_m > limits.off_pad_up_m or is_over_pad(context, vehicle)
     )
