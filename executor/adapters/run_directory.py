@@ -108,15 +108,24 @@ def create_run_directory(wanted: Path | None) -> Path:
     Raises:
         LogError: It holds a run already, or cannot be created; or this system cannot fly.
     """
+    check_run_directory(wanted)
     path = wanted if wanted is not None else name_run(Path("runs"))
-    check_can_fly(path)
     try:
-        if RunDirectory(path).events.exists():
-            raise LogError(f"{path}: --run: expected a new directory, this one holds a run already")
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise LogError(f"{path}: --run: cannot be made: {error.strerror}") from error
     return path
+
+
+def check_run_directory(wanted: Path | None) -> None:
+    """Check, before a long computation, that a run can be recorded in a directory; nothing is created.
+
+    Raises:
+        LogError: It holds a run already, or this system cannot fly.
+    """
+    check_can_fly(wanted or Path("runs"))
+    if wanted is not None and RunDirectory(wanted).events.exists():
+        raise LogError(f"{wanted}: --run: expected a new directory, this one holds a run already")
 
 
 def today() -> str:

@@ -14,7 +14,13 @@ import typer
 from executor.adapters import clock
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
-from executor.adapters.run_directory import RunDirectory, check_can_fly, create_run_directory
+from executor.adapters.run_directory import (
+    RunDirectory,
+    check_can_fly,
+    check_run_directory,
+    create_run_directory,
+    lock_run_directory,
+)
 from executor.analysis.documents import CheckRow, FlightReport, describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
 from executor.cli import options, plan_inputs
@@ -69,7 +75,7 @@ def demo(
     as_json: options.JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    check_can_fly(run or Path("runs"))
+    check_run_directory(run)
     content = simulated_fleet.build_demo_site(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )
@@ -162,7 +168,7 @@ def fly(
     site, plan = _select_site_and_plan(site, of, plan)
     wanted = planning.build_request()
     console = TerminalConsole(quiet=as_json or quiet, yes=yes, on_page=on_page)
-    made = _PreparedSite(site, learned, after, console)
+    made = _PreparedSite(site, learned, after, run, console)
     if on_page and not made.content.web.enabled:
         raise SiteError(f"--on-page: expected [web] enabled in {site}, where the page is switched off")
     day, routes = plan_inputs.select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
@@ -190,7 +196,7 @@ def fly_day(
     too. `plan --day` makes the same plan for a check beforehand; `fly` flies that plan.
     """
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    made = _PreparedSite(site, learned, after, console)
+    made = _PreparedSite(site, learned, after, run, console)
     left = None if after is None else read_segments_left(after, made.ground)
     wanted = replace(DEFAULT, seconds=seconds, seed=seed, starts=starts, objective=objective)
     planned = plan_inputs.plan_day_and_report(made.ground, console, wanted, left)
@@ -204,8 +210,11 @@ def fly_day(
 class _PreparedSite:
     """Models of a site before planning: unusable input is reported by then."""
 
-    def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
+    def __init__(
+        self, site: Path, learned: Path | None, after: Path | None, run: Path | None, console: TerminalConsole
+    ) -> None:
         check_can_fly(site)
+        check_run_directory(run)
         self._base, self.content = site.parent, read_site(site)
         check_backends(self.content)
         self.ground = plan_inputs.load_site_with_learned(self.content, self._base, learned, console)
@@ -291,7 +300,8 @@ def resume(
     over = None if left is None else resuming.finish_report(directory, left)
     if over is None:
         # To a vehicle, a heartbeat that begins and ends is a lost ground station: it begins after the crew's yes.
-        told = [] if yes else resuming.describe_before_resume(directory, known)
+        with lock_run_directory(directory):  # a flight that goes on is not to be asked about
+            told = [] if yes else resuming.describe_before_resume(directory, known)
         for line in told:
             console.say(Level.INFO, line)
         if not console.confirm("Resume this flight?"):
@@ -400,8 +410,9 @@ def restore(
         _finish(directory, PARAMETERS.read(directory), LISTS.read(directory), as_json=as_json, quiet=quiet)
         return
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    for words in (*(one.words for one in waiting), *(one.words for one in lists)):
-        console.say(Level.INFO, words)
+    with lock_run_directory(directory):  # what a flight has changed is not to be shown while it goes on
+        for words in (*(one.words for one in waiting), *(one.words for one in lists)):
+            console.say(Level.INFO, words)
     counted = [format_count(len(waiting), "parameter")] if waiting else []
     counted += list(dict.fromkeys(one.words_open for one in lists))
     asked = " and ".join(counted)

@@ -101,8 +101,9 @@ def _run(given: Sequence[str]) -> int:
         _exit_for_group(group, _load_own_errors())
     except TyperException as error:
         # Errors of a command line; the base class does not declare the method that all of them have.
-        said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
-        _fail(f"{said} See --help.", BAD_INPUT)
+        said = str(getattr(error, "format_message", error.__str__)())
+        said = said.replace("Value error, ", "").replace("Input should be", "expected")  # pydantic's words
+        _fail(f"{said}{'' if said.endswith(('.', '?')) else '.'} See --help.", BAD_INPUT)
     except typer.Abort:
         raise KeyboardInterrupt from None
     except OSError as error:

@@ -326,6 +326,7 @@ def _describe_found_window(
             f"worst case before: no re-plan was found for a loss of {name} between {breaking.from_s:.0f} s and "
             f"{breaking.to_s:.0f} s{after}"
         )
+    if found.certified_earliest_s > 0:
         yield (
             f"certified: not every loss can be re-planned before {found.certified_earliest_s:.0f} s, so no window of "
             f"this plan is larger than {found.certified_window_pct:.1f} %"

@@ -208,9 +208,10 @@ async def start_unlaunched_run(request: run_start.FlightRequest, console: run_st
         ExecutorError: as `app.fly`.
     """
     kept = RunDirectory(request.run)
-    # The log holds its head at most; checkpoints would be another flight's.
-    for file in (kept.events, *kept.checkpoints):
-        file.unlink(missing_ok=True)
+    with lock_run_directory(request.run):  # in another process its checklist may be under way
+        # The log holds its head at most; checkpoints would be another flight's.
+        for file in (kept.events, *kept.checkpoints):
+            file.unlink(missing_ok=True)
     console.say(Level.INFO, f"{request.run}: nothing was launched; the flight begins from its beginning")
     return await run_flight.run_flight(request, console)
 

@@ -86,17 +86,22 @@ def describe_routes(plan: PlanFile) -> Iterator[str]:
     """Yield the route of each vehicle in words."""
     for vehicle, route in zip(plan.vehicles, plan.routes, strict=True):
         if not route.visits:
-            yield f"{vehicle.name}: no segments, stays where it is"
+            if vehicle.airborne:
+                yield f"{vehicle.name}: no segments, returns"
+            else:
+                yield f"{vehicle.name}: no segments, stays on the ground"
             continue
         yield (
             f"{vehicle.name}: {format_count(len(route.visits), 'segment')}, {route.duration_s / 60:.1f} min, "
-            f"{route.energy_pct:.1f} % of its battery (budget {vehicle.budget_pct:g} %)"
+            f"{route.energy_pct:.1f} % of its battery (budget {round(vehicle.budget_pct, 1):g} %)"
         )
 
 
 def summarise_plan(plan: PlanFile) -> str:
     """Return a plan in one line: segments, duration, cost function."""
     flown, asked = sum(len(route.visits) for route in plan.routes), len(plan.segments) + len(plan.unreachable)
+    if not asked:
+        return "no segment is open"
     if not flown:
         return f"none of {asked} segments, no vehicle flies"
     longest = max(plan.routes, key=lambda route: route.duration_s)

@@ -20,6 +20,7 @@ from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import SiteError
 from executor.site import flight_keys, mqtt_and_web_keys, site_keys
 from missions import NESTED, format_first_error
+from missions.files import decode_text
 
 PAGE = "docs/reference/site-file.md"
 """Page that documents every key."""
@@ -242,15 +243,16 @@ def read_toml(path: Path, expected: str) -> dict[str, Any]:
         SiteError: one line that names the file and what was expected.
     """
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        content = path.read_bytes()
     except FileNotFoundError:
         raise SiteError(f"{path}: no such file; expected {expected} (TOML)") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SiteError(f"{path}: cannot be read: {error}") from error
+    except OSError as error:
+        raise SiteError(f"{path}: cannot be read: {error.strerror}; expected {expected} (TOML)") from error
+    text = decode_text(content, str(path), SiteError)
     try:
         return parse_toml(text)
     except SiteError as error:
-        raise SiteError(f"{path}: {error}") from error
+        raise SiteError(f"{path}: {error}; expected {expected}") from error
 
 
 def parse_toml(text: str) -> dict[str, Any]:

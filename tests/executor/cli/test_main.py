@@ -428,9 +428,26 @@ def test_a_run_directory_is_not_used_twice(place: Place) -> None:
     run = place.folder / "run"
     run.mkdir()
     (run / "events.jsonl").touch()
-    plan = place.planned()
-    reason = place.refused("fly", place.path("site.toml"), "--plan", plan, "--json", "--run", str(run))
-    assert "--run: expected a new directory" in reason
+    site, plan = place.path("site.toml"), place.planned()
+    for words in (("fly", site, "--plan", plan), ("fly", site), ("day", site), ("demo",)):
+        reason = place.refused(*words, "--run", str(run))  # one line: no plan was begun
+        assert reason == f"{run}: --run: expected a new directory, this one holds a run already"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["window", "x", "--seed", "-5"], "Invalid value for '--seed': expected greater than or equal to 0. See --help."),
+        (["plan", "x", "--cost", "fast"], "Invalid value for '--cost': 'fast' is not one of "),
+        (["plan", "x", "--vehicle", "3"], "No such option: --vehicle (Possible options: --all-vehicles). See --help."),
+        (["plam"], "No such command 'plam'. Did you mean "),
+        (["plan"], "Missing argument 'SITE'. See --help."),
+    ],
+)
+def test_a_wrong_option_is_named_in_sentences(place: Place, words: list[str], said: str) -> None:
+    reason = place.refused(*words)
+    assert reason.startswith(said)
+    assert reason.endswith((". See --help.", "? See --help."))
 
 
 @pytest.mark.parametrize("option", ["-o", "--picture"])
@@ -486,9 +503,10 @@ def test_what_cannot_be_restored_is_refused(place: Place) -> None:
 def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> None:
     PARAMETERS.write(place.folder, [kept(ChangeStage.SET)])
     with lock_run_directory(place.folder):
-        assert "another faultline flies this directory already" in place.refused(
-            "restore", str(place.folder), "--yes", "--quiet"
-        )
+        for asked in ((), ("--yes",)):  # one line: nothing is announced, nobody is asked
+            assert "another faultline flies this directory already" in place.refused(
+                "restore", str(place.folder), *asked
+            )
 
 
 def test_nothing_to_restore_is_done(place: Place) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from executor.cli import plans
 from missions import read_plan
+from planner import replan_window
 from tests.executor.cli.test_main import Place
 
 
@@ -187,3 +190,15 @@ def test_a_changed_probability_is_found(place: Place) -> None:
 )  # fmt: skip
 def test_coverage_is_refused_where_it_makes_no_sense(place: Place, options: tuple[str, ...], reason: str) -> None:
     assert place.refused("plan", place.path("site.toml"), *options) == reason
+
+
+def test_a_certificate_that_certifies_nothing_is_not_shown(place: Place) -> None:
+    tight(place)
+    plan = place.path("tight.json")
+    place.run("plan", place.path("site.toml"), "--cost", "minmax", "--all-vehicles", "--iterations", "500", "-o", plan)
+    content = read_plan(Path(plan))
+    found = replan_window(content.build_instance(), content.plan)
+    assert found.breaking is not None
+    for certified_s, lines in ((found.earliest_s, 3), (0.0, 2)):
+        said = list(plans._describe_found_window(content, replace(found, certified_earliest_s=certified_s), None))
+        assert len(said) == lines

@@ -255,6 +255,22 @@ def test_without_confirmation_no_vehicle_is_contacted(tmp_path: Path, capsys: py
     assert (run / "events.jsonl").stat().st_size == size
 
 
+def test_a_flight_that_goes_on_is_not_asked_about(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = prepared(tmp_path)
+    launched(run)
+    with lock_run_directory(run):
+        assert "another faultline flies this directory already" in refused(capsys, "resume", str(run), "--json")
+
+
+def test_the_log_of_a_checklist_under_way_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In another process, which has launched nothing yet."""
+    run = prepared(tmp_path)
+    EventLog(run / "events.jsonl", began_unix_s=0.0, speedup=SPEEDUP).close()
+    with lock_run_directory(run):
+        assert "another faultline flies this directory already" in refused(capsys, "resume", str(run), "--json")
+    assert (run / "events.jsonl").exists()
+
+
 def test_one_process_flies_a_directory(tmp_path: Path) -> None:
     with (
         lock_run_directory(tmp_path),

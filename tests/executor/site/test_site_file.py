@@ -207,10 +207,14 @@ def written(path: Path, text: str | bytes) -> Path:
 
 FILES: list[tuple[str, Callable[[Path], Path], str]] = [
     ("missing", lambda folder: folder / "nowhere.toml", "no such file; expected a site file (TOML)"),
-    ("a folder", lambda folder: folder, "cannot be read: "),
+    ("a folder", lambda folder: folder, "cannot be read: Is a directory; expected a site file (TOML)"),
     ("not TOML", lambda folder: written(folder / "site.toml", "vehicle: uav1\n"), "not TOML: "),
-    ("JSON", lambda folder: written(folder / "site.toml", '{"vehicle": []}'), "not TOML: "),
-    ("not text", lambda folder: written(folder / "site.toml", b"\xff\xfe\x00"), "cannot be read: "),
+    (
+        "JSON",
+        lambda folder: written(folder / "site.toml", '{"vehicle": []}'),
+        "not TOML: Invalid statement (at line 1, column 1); expected a site file",
+    ),
+    ("not text", lambda folder: written(folder / "site.toml", b"\xff\xfe\x00"), "encoding: expected UTF-8 text, found other bytes at 0"),
     ("empty", lambda folder: written(folder / "site.toml", ""), "vehicle: expected at least one [[vehicle]] table"),
     ("cut off", lambda folder: written(folder / "site.toml", '[network]\nfile = "li'), "not TOML: "),
 ]

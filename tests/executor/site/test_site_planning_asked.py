@@ -12,7 +12,7 @@ import pytest
 from executor.adapters.solver import REPLAN_COST
 from executor.cli.options import DEFAULT_REPLAN_COST
 from executor.core.interface.codes import Severity
-from executor.site.plan_summary import build_plan_checks, describe_left_over, summarise_plan
+from executor.site.plan_summary import build_plan_checks, describe_left_over, describe_routes, summarise_plan
 from executor.site.site_model import build_first_task
 from executor.site.site_planning import DEFAULT, check_plan_fits, describe_site_changes, plan_site
 from missions import PlanFile, PlanFileError
@@ -155,6 +155,17 @@ def test_of_many_that_are_left_over_some_are_named() -> None:
 
 def test_no_vehicle_flies() -> None:
     assert summarise_plan(poor({"uav1": 0.1})) == "none of 6 segments, no vehicle flies"
+
+
+def test_a_vehicle_without_segments_stays_or_returns() -> None:
+    plan = poor({"uav1": 0.1})
+    assert list(describe_routes(plan)) == ["uav1: no segments, stays on the ground"]
+    flying = replace(plan, vehicles=tuple(replace(vehicle, airborne=True) for vehicle in plan.vehicles))
+    assert list(describe_routes(flying)) == ["uav1: no segments, returns"]
+
+
+def test_a_re_plan_for_nothing_is_said_to_be_one() -> None:
+    assert summarise_plan(replace(PLAN, segments=(), routes=())) == "no segment is open"
 
 
 ORDERS: list[Callable[[str], list[str]]] = [
