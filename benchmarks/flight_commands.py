@@ -274,7 +274,10 @@ def radio(
     radio: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="PROFILE", help="A profile of `simulate --radio`; may be repeated. By default six of them."
+            "--radio",
+            "--profile",
+            metavar="PROFILE",
+            help="A profile of `simulate --radio`; may be repeated. By default six of them.",
         ),
     ] = None,
     vehicles: Annotated[

@@ -31,6 +31,7 @@ from benchmarks.virtual_site import build_virtual_site
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, LinkSigning
 from executor.core.context import Context
+from executor.core.lines import link
 from executor.core.state.fleet_state import FleetState
 from executor.errors import ExecutorError
 from executor.flight.preparation import read_changes
@@ -57,6 +58,8 @@ KEPT_BYTES = 600
 """Bytes sent last that are searched for a frame: more than two frames."""
 LATE_S = 2.0
 """Gap between two GCS heartbeats heard by a vehicle above which one is late: by more than a second."""
+STREAM_GONE = link.MISSING.rpartition(", ")[2]
+"""Words of a fault over one stream alone."""
 KEY = bytes(range(32))
 RADIOS = ("sik", "lte", "mlrs-31", "sik-ecc-mended", "sik-ecc", "mesh")
 
@@ -410,10 +413,22 @@ COLUMNS = (
 
 
 def radio_document(flights: Sequence[RadioFlight], command: str, seed: int) -> Json:
-    """Return the content of radio.json."""
+    """Return the content of radio.json: the worst of all flights, or their sum, then each flight."""
     rows = [asdict(one) for one in flights]
     wrong = sum(bool(one.wrong) for one in flights)
-    return {**head("radio/1", command), "seed": seed, "flights": rows, "wrong": wrong}
+    false = [fault for one in flights for fault in one.false_faults]
+
+    def find_longest_s(name: str) -> float | None:
+        return max((row[name] for row in rows if row[name] is not None), default=None)
+
+    return {
+        **head("radio/1", command), "seed": seed,
+        "preflight_s": find_longest_s("asked_s"), "upload_s": find_longest_s("loaded_s"),
+        "replan_on_board_s": find_longest_s("replan_upload_s"), "false_losses": len(false),
+        "stream_faults": sum(STREAM_GONE in fault for fault in false),
+        "proofs_broken": sum(len(one.broken) for one in flights),
+        "heartbeat_late_s": find_longest_s("heartbeat_gap_s"), "flights": rows, "wrong": wrong,
+    }  # fmt: skip
 
 
 def report_radio(content: Mapping[str, Any]) -> Report:

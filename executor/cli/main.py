@@ -102,6 +102,9 @@ def _run(given: Sequence[str]) -> int:
     except TyperException as error:
         # Errors of a command line; the base class does not declare the method that all of them have.
         said = str(getattr(error, "format_message", error.__str__)())
+        if said.startswith("Usage: "):  # a group without a command: its help, as `faultline` alone shows
+            print(said)
+            return DONE
         said = said.replace("Value error, ", "").replace("Input should be", "expected")  # pydantic's words
         _fail(f"{said}{'' if said.endswith(('.', '?')) else '.'} See --help.", BAD_INPUT)
     except typer.Abort:

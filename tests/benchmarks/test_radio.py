@@ -20,6 +20,7 @@ from benchmarks.radio import (
 )
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.core.interface.messages import MissionItemInt, SendHeartbeat
+from executor.core.lines import link
 from executor.protocols import vehicle_commands
 from missions import MissionItem
 
@@ -87,15 +88,29 @@ def test_an_order_waits_in_the_radio_until_its_last_byte_is_sent() -> None:
     )
 
 
+AGREED = {
+    "preflight_s", "upload_s", "replan_on_board_s", "false_losses", "stream_faults", "proofs_broken",
+    "heartbeat_late_s",
+}  # fmt: skip
+"""Figures for checks from outside."""
+
+
 def test_a_false_fault_and_a_flight_that_was_not_flown_are_wrong() -> None:
+    gone = link.MISSING.format(stream=link.NO_BATTERY_REPORT, age_s=40.0)
     flights = [
         RadioFlight("sik", "px4", 4, 1, asked_s=10.0, loaded_s=7.0, items=160, finished=True),
-        RadioFlight("sik", "px4", 4, 2, false_faults=("uav1: link lost",)),
-        RadioFlight("mesh", "px4", 4, 3, failure="uav1: not ready"),
+        RadioFlight("sik", "px4", 4, 2, false_faults=("uav1: link lost", f"uav2: {gone}"), broken=("uav3: gap",)),
+        RadioFlight("mesh", "px4", 4, 3, failure="uav1: not ready", heartbeat_gap_s=2.5),
     ]
     content = radio_document(flights, "faultline bench radio", 1)
-    assert [one.wrong for one in flights] == ["", "uav1: link lost; not all inspected", "uav1: not ready"]
+    assert [one.wrong for one in flights] == [
+        "", f"uav1: link lost; uav2: {gone}; uav3: gap; not all inspected", "uav1: not ready"
+    ]  # fmt: skip
     assert content["wrong"] == 2
+    assert {key: value for key, value in content.items() if key in AGREED} == {
+        "preflight_s": 10.0, "upload_s": 7.0, "replan_on_board_s": None, "false_losses": 2, "stream_faults": 1,
+        "proofs_broken": 1, "heartbeat_late_s": 2.5,
+    }  # fmt: skip
     page = report_radio(content).page()
     assert "| sik | px4 | 4 | no | 1 | 10.0 | 7.0 | 160 |" in page
     assert "uav1: not ready" in page

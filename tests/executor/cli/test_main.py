@@ -434,6 +434,14 @@ def test_a_run_directory_is_not_used_twice(place: Place) -> None:
         assert reason == f"{run}: --run: expected a new directory, this one holds a run already"
 
 
+@pytest.mark.parametrize("words", [[], ["bench"]])
+def test_a_group_without_a_command_shows_its_help(place: Place, words: list[str]) -> None:
+    code, out, err = place.run(*words)
+    assert (code, err) == (0, "")
+    assert out.startswith("Usage: faultline")
+    assert len(out.splitlines()) > 20
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
