@@ -93,7 +93,8 @@ def demo(
     plan = plan_inputs.plan_and_report(ground, console, wanted)
     directory = create_run_directory(run)
     request = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
-    write_run_start(request)
+    with lock_run_directory(directory):
+        write_run_start(request)
     with simulated_fleet.run_simulated_fleet(directory, faults, seed):
         report = clock.run_on_fair_loop(flying.run_flight(request, console))
     _finish_flight(request, report, as_json=as_json)
@@ -230,8 +231,9 @@ class _PreparedSite:
 
 
 def _fly_and_finish(request: FlightRequest, console: TerminalConsole, *, as_json: bool) -> None:
-    check_run(request.run, request.site)
-    write_run_start(request)
+    with lock_run_directory(request.run):  # another process may be asking its crew, with nothing in its log yet
+        check_run(request.run, request.site)
+        write_run_start(request)
     report = clock.run_on_fair_loop(flying.run_flight(request, console))
     _finish_flight(request, report, as_json=as_json)
 

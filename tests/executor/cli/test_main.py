@@ -434,6 +434,18 @@ def test_a_run_directory_is_not_used_twice(place: Place) -> None:
         assert reason == f"{run}: --run: expected a new directory, this one holds a run already"
 
 
+def test_the_record_of_a_flight_before_its_take_off_is_not_written_over(place: Place) -> None:
+    """In another process, which is asking its crew."""
+    run = place.folder / "run"
+    run.mkdir()
+    (run / "site.toml").write_text("of the other flight", encoding="utf-8")
+    plan = place.planned()
+    with lock_run_directory(run):
+        reason = place.refused("fly", place.path("site.toml"), "--plan", plan, "--json", "--run", str(run))
+    assert reason.startswith(f"{run}: another faultline flies this directory already")
+    assert (run / "site.toml").read_text(encoding="utf-8") == "of the other flight"
+
+
 @pytest.mark.parametrize("words", [[], ["bench"]])
 def test_a_group_without_a_command_shows_its_help(place: Place, words: list[str]) -> None:
     code, out, err = place.run(*words)
@@ -445,7 +457,10 @@ def test_a_group_without_a_command_shows_its_help(place: Place, words: list[str]
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["window", "x", "--seed", "-5"], "Invalid value for '--seed': expected greater than or equal to 0. See --help."),
+        (
+            ["window", "x", "--seed", "-5"],
+            "Invalid value for '--seed': expected greater than or equal to 0. See --help.",
+        ),
         (["plan", "x", "--cost", "fast"], "Invalid value for '--cost': 'fast' is not one of "),
         (["plan", "x", "--vehicle", "3"], "No such option: --vehicle (Possible options: --all-vehicles). See --help."),
         (["plam"], "No such command 'plam'. Did you mean "),

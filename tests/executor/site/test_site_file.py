@@ -214,7 +214,11 @@ FILES: list[tuple[str, Callable[[Path], Path], str]] = [
         lambda folder: written(folder / "site.toml", '{"vehicle": []}'),
         "not TOML: Invalid statement (at line 1, column 1); expected a site file",
     ),
-    ("not text", lambda folder: written(folder / "site.toml", b"\xff\xfe\x00"), "encoding: expected UTF-8 text, found other bytes at 0"),
+    (
+        "not text",
+        lambda folder: written(folder / "site.toml", b"\xff\xfe\x00"),
+        "encoding: expected UTF-8 text, found other bytes at 0",
+    ),
     ("empty", lambda folder: written(folder / "site.toml", ""), "vehicle: expected at least one [[vehicle]] table"),
     ("cut off", lambda folder: written(folder / "site.toml", '[network]\nfile = "li'), "not TOML: "),
 ]
