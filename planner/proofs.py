@@ -109,12 +109,14 @@ def bound_total_pct(instance: Instance, plan: Plan, *, go_on: Report = go_on_alw
     search = _search_cover(instance, list_kinds(instance), [plan], goal=value)
     while search.step() and go_on(min(search.bound, value)):
         pass
-    if not go_on(min(search.bound, value)):
-        return min(search.bound, value), plan
-    bound, better = search.choose_routes(value, lambda: go_on(min(search.bound, value)))
-    if better is None or evaluate(instance, better, Cost.MINSUM).value >= value:
-        return min(bound, value), plan
-    return min(bound, evaluate(instance, better, Cost.MINSUM).value), better
+    bound = search.bound
+    while bound < value * (1 - PROVEN) and go_on(min(search.bound, value)):
+        bound, better = search.choose_routes(value, lambda: go_on(search.bound))
+        if better is None or evaluate(instance, better, Cost.MINSUM).value >= value:
+            break
+        # There are fewer routes to choose from below a better plan.
+        plan, value = better, evaluate(instance, better, Cost.MINSUM).value
+    return min(bound, value), plan
 
 
 def bound_longest_pct(
