@@ -14,7 +14,9 @@ KINDS = np.array([2, 1])
 """Routes of each kind that may be chosen."""
 
 
-def choose(sets: list[set[int]], costs: list[float], kinds: list[int], segments: int, checks: int = 10**9):
+def choose(
+    sets: list[set[int]], costs: list[float], kinds: list[int], segments: int, checks: int = 10**9
+) -> tuple[float, bool, list[int]]:
     """Return the least cost below 100, whether all choices were tried, and the chosen routes."""
     order = sorted(range(len(sets)), key=lambda one: (min(sets[one]), costs[one]))
     words = np.zeros((len(sets), 2), dtype=np.int64)
