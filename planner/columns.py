@@ -441,8 +441,9 @@ class ColumnSearch:
         chosen = np.full(int(left.sum()), -1)
         room, work = ceiling - self._constant, allocate(Partial, k=len(chosen))
         best, is_all = choose_partition(routes, self._segments, left, gap, room, any_plan, CHECKS_UP_TO, work, chosen)
-        bound = max(self.bound, min(best + self._constant, self.bound + within)) if is_all else self.bound
-        return bound, self._build_plan([columns[place] for place in chosen if place >= 0]) if best < room else None
+        plan = self._build_plan([columns[place] for place in chosen if place >= 0]) if best < room else None
+        least = ceiling if plan is None else best + self._constant
+        return max(self.bound, min(least, self.bound + within)) if is_all else self.bound, plan
 
     def _list_routes(self, gap: float) -> tuple[list[_Column], Choosable] | None:
         """Return all routes that a plan may have whose cost exceeds the bound by a gap; None without room.
