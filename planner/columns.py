@@ -10,7 +10,6 @@ HiGHS, of the extra `proofs`, solves the programs.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -25,11 +24,14 @@ from planner.kernels.pricing import (
     SAME_NODE,
     SAME_SET,
     WORD,
+    Choosable,
     Completions,
     Cuts,
     Labels,
+    Partial,
     Priced,
     bound_completions,
+    choose_partition,
     price_routes,
 )
 from planner.model import Instance, Plan, Route, segment_of
@@ -44,20 +46,16 @@ NEIGHBOURS, NEIGHBOURS_UP_TO = 8, 18
 """Segments that a route's label does not forget at once: the size of the ng-sets, at first and when they have grown."""
 SMOOTHING = 0.7
 """Weight of the prizes of the best bound against those of the program (Wentges 1997): fewer rounds."""
-CUT_ROUNDS = 40
-"""Rounds of subset-row cuts."""
 PRICED_CUTS, PRICED_CUTS_UP_TO = 20, 2 * WORD
 """Cuts that pricing regards: how many are added at once, and at most; a set of them has two words."""
-ASK_EVERY = 100
-"""Checks of an integer program for an interrupt, of which one asks whether to go on."""
 PATIENCE, GAINED = 4, 0.01
 """The bound is tightened as long as so many rounds gain this share of what it lacks."""
 FEWER = 0.7
 """Factor on the reduced cost of the routes to choose from, while there are too many."""
-NODES = 200
-"""Maximum number of nodes of an integer program: a number, so that every machine gives the same answer."""
-ROUTES_UP_TO = 6_000
-"""Maximum number of routes of one kind that an integer program may choose from."""
+CHECKS_UP_TO = 2_000_000_000
+"""Routes checked in one choice, some seconds: a number, so that every machine gives the same answer."""
+ROUTES_UP_TO = 100_000
+"""Maximum number of routes of one kind to choose from."""
 SLACK_UP_TO = 0.02
 """Share of the bound that pricing may ignore for lack of room; a tenth of it ends the tightening."""
 SAME = 1e-6
@@ -135,7 +133,9 @@ class ColumnSearch:
     At the program's optimum the routes are tightened: cycles are forbidden, and subset-row cuts are added.
     """
 
-    def __init__(self, segments: int, kinds: Sequence[RouteKind], *, penalty: float, goal: float = np.inf) -> None:
+    def __init__(
+        self, segments: int, kinds: Sequence[RouteKind], *, penalty: float, goal: float = np.inf, chooses: bool = False
+    ) -> None:  # fmt: skip
         """Begin without a route.
 
         Args:
@@ -143,6 +143,7 @@ class ColumnSearch:
             kinds: the routes to choose from.
             penalty: cost of leaving a segment out, more than a route with it can cost.
             goal: bound that is sought, or the cost of a known plan.
+            chooses: end the tightening as soon as ``choose_routes`` has room for all routes of a plan up to the goal.
 
         Raises:
             InstanceError: too many segments, or HiGHS is not installed.
@@ -152,6 +153,8 @@ class ColumnSearch:
         import highspy
 
         self._kinds, self._segments, self._goal = kinds, segments, goal
+        self._tried = np.inf if chooses else 0.0
+        """Gap for whose routes there was no room."""
         self._near = _find_neighbourhoods(kinds, segments)
         self._priced = [_build_priced(kind, self._near) for kind in kinds]
         self._cuts: list[Cut] = []
@@ -258,8 +261,12 @@ class ColumnSearch:
             return False
         solution = self._program.getSolution()
         shares, duals = np.array(solution.col_value), np.array(solution.row_dual)[self._rows :]
-        self._drop_cuts(np.flatnonzero((duals >= 0) & (self._center[self._rows :] >= 0)))
         used = {column: shares[place] for column, place in self._columns.items() if shares[place] > SAME}
+        if lacks < FEWER * self._tried:
+            self._tried = lacks
+            if self._list_routes(lacks + SAME) is not None:
+                return False
+        self._drop_cuts(np.flatnonzero((duals >= 0) & (self._center[self._rows :] >= 0)))
         grown = sum([self._forbid_cycle(column.visits) for column in used])
         if grown > 0:
             self._bar_cycles()
@@ -411,120 +418,74 @@ class ColumnSearch:
         return tuple(reversed(visits))
 
     def choose_routes(
-        self, ceiling: float, go_on: Callable[[], bool] = lambda: True
+        self, ceiling: float, go_on: Callable[[], bool] = lambda: True, *, any_plan: bool = False
     ) -> tuple[float, Plan | None]:  # fmt: skip
         """Return a proven bound, and a plan of cost less than ``ceiling`` if one was found.
 
-        An integer program chooses among all routes that such a plan may have: then the bound is the optimum or the
-        ceiling. If there are too many, it chooses among those of least reduced cost; a plan with any other one costs
-        more than the bound so far and their largest reduced cost together.
+        Tries all choices of the routes that such a plan may have: then the bound is the optimum or the ceiling. If
+        there are too many, it tries those of least reduced cost; a plan with any other one costs more than the bound so
+        far and their largest reduced cost together.
 
         Args:
             ceiling: cost that the plan must beat.
             go_on: asked now and then; whether to go on.
+            any_plan: end with the first plan below the ceiling.
         """
-        gap = max(0.0, ceiling - self.bound) + SAME
-        least = gap / 64
-        while not self._add_routes_within(gap):
-            gap *= FEWER
-            if gap < least or not go_on():
+        gap = within = max(0.0, ceiling - self.bound) + SAME
+        while (listed := self._list_routes(within)) is None:
+            within *= FEWER
+            if within < gap / 64 or not go_on():
                 return self.bound, None
-        self._cut(ceiling)
-        lowest, chosen = self._solve_whole(ceiling, go_on)
-        bound = max(self.bound, min(ceiling, lowest, self.bound + gap))
-        return bound, None if chosen is None else self._build_plan(chosen)
+        columns, routes = listed
+        left = np.array([len(kind.vehicles) for kind in self._kinds])
+        chosen = np.full(int(left.sum()), -1)
+        room, work = ceiling - self._constant, allocate(Partial, k=len(chosen))
+        best, is_all = choose_partition(routes, self._segments, left, gap, room, any_plan, CHECKS_UP_TO, work, chosen)
+        plan = self._build_plan([columns[place] for place in chosen if place >= 0]) if best < room else None
+        least = ceiling if plan is None else best + self._constant
+        return max(self.bound, min(least, self.bound + within)) if is_all else self.bound, plan
 
-    def _add_routes_within(self, gap: float) -> bool:
-        """Add all routes that a plan may have whose cost exceeds the bound by a gap; return false without room."""
+    def _list_routes(self, gap: float) -> tuple[list[_Column], Choosable] | None:
+        """Return all routes that a plan may have whose cost exceeds the bound by a gap; None without room.
+
+        Of the routes of one kind that visit the same segments, only the cheapest.
+        """
         if len(self._center) == 0:
-            return False
+            return None
         self._price_cuts(self._center)
+        columns, rows = list[_Column](), list[FloatArray]()
+        table = self._labels
         for number, kind in enumerate(self._kinds):
             self._bound_reduced_cost(number, self._center)
-            most = self._leasts[number] + gap + kind.weight * kind.idle
-            labels, routes = self._search_routes(number, self._center, most, SAME_SET)
+            least, idle = self._leasts[number], kind.weight * kind.idle
+            labels, count = self._search_routes(number, self._center, least + gap + idle, SAME_SET)
             if labels < 0:
-                return False
-            for label in self._found[:routes].tolist():
-                self._add(number, self._trace(label))
-        return True
-
-    def _cut(self, ceiling: float) -> None:
-        """Raise the program's cost by subset-row cuts and bar routes that no plan below the ceiling has.
-
-        Of three segments, at most one route of a plan visits two or more (Jepsen, Petersen, Spoorendonk, Pisinger 2008,
-        doi 10.1287/opre.1070.0449). The cuts need no prices, because no route is added after them; a plan visits each
-        segment once.
-        """
-        program, n = self._program, self._segments
-        for segment in range(n):
-            program.changeRowBounds(segment, 1.0, 1.0)
-        visited = np.zeros((n, len(self._columns)), dtype=np.int8)
-        for place, column in enumerate(self._columns):
-            visited[[segment_of(visit) for visit in column.visits], place] = 1
-        for _ in range(CUT_ROUNDS):
-            program.run()
-            room = ceiling - self._constant - program.getInfo().objective_function_value
-            solution = program.getSolution()
-            barred = np.flatnonzero(np.array(solution.col_dual)[n:] > room + SAME * (1 + abs(ceiling))) + n
-            none = np.zeros(len(barred))
-            program.changeColsBounds(len(barred), barred.astype(np.int32), none, none)
-            triples = find_violated_triples(visited, np.array(solution.col_value)[n:])
-            if room <= 0 or len(triples) == 0:
-                return
-            for triple in triples:
-                twice = (np.flatnonzero(visited[triple].sum(axis=0) >= 2) + n).astype(np.int32)
-                program.addRow(-np.inf, 1.0, len(twice), twice, np.ones(len(twice)))
-
-    def _solve_whole(self, ceiling: float, go_on: Callable[[], bool]) -> tuple[float, list[_Column] | None]:
-        """Return a lower bound on the cost of plans of the known routes, and the best if it is below the ceiling."""
-        import highspy
-
-        solver, most = self._program, self._program.getNumCol()
-        every = np.arange(most, dtype=np.int32)
-        solver.changeColsIntegrality(most, every, np.full(most, highspy.HighsVarType.kInteger))
-        solver.setOptionValue("objective_bound", ceiling - self._constant)
-        solver.setOptionValue("mip_rel_gap", 0.1 * SAME)
-        solver.setOptionValue("mip_max_nodes", NODES)
-        asked = itertools.count()
-
-        def interrupt(event: highspy.HighsCallbackEvent) -> None:
-            if next(asked) % ASK_EVERY == 0 and not go_on():
-                event.interrupt()
-
-        solver.cbMipInterrupt += interrupt
-        solver.run()
-        solver.cbMipInterrupt -= interrupt
-        status, info = solver.getModelStatus(), solver.getInfo()
-        chosen, shares = None, list(solver.getSolution().col_value)
-        if info.primal_solution_status == 2 and not any(share > 0.5 for share in shares[: self._segments]):
-            chosen = [
-                column for column, share in zip(self._columns, shares[self._segments :], strict=True) if share > 0.5
-            ]
-        bound = info.mip_dual_bound + self._constant
-        solver.changeColsIntegrality(most, every, np.full(most, highspy.HighsVarType.kContinuous))
-        solver.setOptionValue("objective_bound", np.inf)
-        nothing = status in (highspy.HighsModelStatus.kInfeasible, highspy.HighsModelStatus.kObjectiveBound)
-        return (ceiling if nothing else bound), chosen
-
-    def _build_plan(self, columns: Sequence[_Column]) -> Plan | None:
-        """Return the plan of some routes: a segment that two of them visit is left to the first.
-
-        Returns None if a route takes more than its limit without such a segment, which turns or areas can cause.
-        """
-        free = {number: list(kind.vehicles) for number, kind in enumerate(self._kinds)}
-        routes, seen = {}, set[int]()
-        for column in columns:
-            kept = tuple(visit for visit in column.visits if segment_of(visit) not in seen)
-            seen.update(segment_of(visit) for visit in kept)
-            kind = self._kinds[column.kind]
-            if kept and self._measure(kind, kept) > kind.limit:
                 return None
-            vehicle = free[column.kind].pop(0)
-            routes[vehicle] = Route(vehicle, kept)
+            ends = self._found[:count]
+            ends = ends[np.argsort(table.energy[ends] + kind.home[table.visit[ends]], kind="stable")]
+            _, first = np.unique(np.column_stack((table.low[ends], table.high[ends])), axis=0, return_index=True)
+            ends = ends[first]
+            home = kind.weight * kind.home[table.visit[ends]] - idle
+            rows.append(np.array((table.cost[ends] + home - least, kind.weight * table.energy[ends] + home)))
+            columns += [_Column(number, self._trace(label)) for label in ends.tolist()]
+        reduced, cost = np.concatenate(rows, axis=1)
+        low = np.array([min(map(segment_of, column.visits)) for column in columns], dtype=np.int64)
+        order = np.lexsort((reduced, low))
+        columns = [columns[place] for place in order]
+        sets = np.zeros((len(columns), 2), dtype=np.int64)
+        for place, column in enumerate(columns):
+            for visit in column.visits:
+                sets[place, segment_of(visit) // WORD] |= 1 << segment_of(visit) % WORD
+        kinds = np.array([column.kind for column in columns], dtype=np.int64)
+        begin = np.searchsorted(low[order], np.arange(self._segments + 1)).astype(np.int64)
+        return columns, Choosable(sets, reduced[order], cost[order], kinds, begin)
+
+    def _build_plan(self, columns: Sequence[_Column]) -> Plan:
+        """Return the plan of routes that visit each segment once."""
+        free = {number: list(kind.vehicles) for number, kind in enumerate(self._kinds)}
+        visits = {free[column.kind].pop(0): column.visits for column in columns}
         fleet = sorted(vehicle for kind in self._kinds for vehicle in kind.vehicles)
-        uncovered = tuple(segment for segment in range(self._segments) if segment not in seen)
-        return Plan(tuple(routes.get(vehicle, Route(vehicle, ())) for vehicle in fleet), uncovered)
+        return Plan(tuple(Route(vehicle, visits.get(vehicle, ())) for vehicle in fleet))
 
 
 def _build_priced(kind: RouteKind, near: IntArray) -> Priced:

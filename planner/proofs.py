@@ -109,12 +109,14 @@ def bound_total_pct(instance: Instance, plan: Plan, *, go_on: Report = go_on_alw
     search = _search_cover(instance, list_kinds(instance), [plan], goal=value)
     while search.step() and go_on(min(search.bound, value)):
         pass
-    if not go_on(min(search.bound, value)):
-        return min(search.bound, value), plan
-    bound, better = search.choose_routes(value, lambda: go_on(min(search.bound, value)))
-    if better is None or evaluate(instance, better, Cost.MINSUM).value >= value:
-        return min(bound, value), plan
-    return min(bound, evaluate(instance, better, Cost.MINSUM).value), better
+    bound = search.bound
+    while bound < value * (1 - PROVEN) and go_on(min(search.bound, value)):
+        bound, better = search.choose_routes(value, lambda: go_on(search.bound))
+        if better is None or evaluate(instance, better, Cost.MINSUM).value >= value:
+            break
+        # There are fewer routes to choose from below a better plan.
+        plan, value = better, evaluate(instance, better, Cost.MINSUM).value
+    return min(bound, value), plan
 
 
 def bound_longest_pct(
@@ -122,8 +124,9 @@ def bound_longest_pct(
 ) -> tuple[float, Plan]:
     """Return a lower bound on the largest energy of a route of plans that cover everything, and the best known plan.
 
-    Halves the interval between a limit within which no plan exists and that of the best plan, at first by the linear
-    program alone.
+    Each route of a better plan is within the best known limit, and their sum within as many times the longest: a bound
+    on the total within a limit is one on the longest route. Then halves the interval between a limit within which no
+    plan exists and that of the best plan.
 
     Args:
         instance: the problem.
@@ -135,30 +138,35 @@ def bound_longest_pct(
         InstanceError: too many segments for a proof, or HiGHS is not installed.
     """
     fleet, low, known = len(instance.vehicles), least, [plan]
-    value = evaluate(instance, plan, Cost.MINMAX).value
-    for every in (False, True):
-        top = value  # no limit from here on is refuted
-        for _ in range(2 * HALVINGS if every else HALVINGS):
-            if top - low <= PROVEN * value or not go_on(low):
-                break
-            is_near = every and top == value and value - low <= NEARLY * value
-            limit = value * (1 - PROVEN / 2) if is_near else (low + top) / 2
-            verdict = decide_cover(
-                instance, limits=[limit] * fleet, known=known, go_on=_report_fixed(go_on, low), every=every
-            )  # fmt: skip
-            if isinstance(verdict, Plan):
-                known, value = [*known, verdict], evaluate(instance, verdict, Cost.MINMAX).value
-                top = value
-            elif verdict:
-                top = limit
-            else:
-                low = limit
+    value = top = limit = evaluate(instance, plan, Cost.MINMAX).value  # no limit from top on is refuted
+
+    def raise_low(total: float) -> bool:
+        nonlocal low
+        low = max(low, min(limit, total / fleet))
+        return go_on(low)
+
+    search = _search_cover(instance, list_kinds(instance, [limit] * fleet), known, goal=fleet * value)
+    while search.step() and raise_low(search.bound) and search.value - search.bound > NEARLY * value:
+        pass
+    for _ in range(2 * HALVINGS):
+        if top - low <= PROVEN * value or not go_on(low):
+            break
+        is_near = top == value and value - low <= NEARLY * value
+        limit = value * (1 - PROVEN / 2) if is_near else (low + top) / 2
+        verdict = decide_cover(instance, limits=[limit] * fleet, known=known, go_on=raise_low)
+        if isinstance(verdict, Plan):
+            known, value = [*known, verdict], evaluate(instance, verdict, Cost.MINMAX).value
+            top = value
+        elif verdict:
+            top = limit
+        else:
+            low = limit
     return low, known[-1]
 
 
 def decide_cover(
     instance: Instance, *, limits: Sequence[float] | None = None, known: Sequence[Plan] = (),
-    go_on: Report = go_on_always, every: bool = True,
+    go_on: Report = go_on_always,
 ) -> Plan | bool:  # fmt: skip
     """Return a plan that covers everything within the budgets; False if it is proven that there is none, else True.
 
@@ -167,7 +175,6 @@ def decide_cover(
         limits: most energy of each vehicle's route, besides its budget.
         known: plans whose routes are tried.
         go_on: asked after each step.
-        every: try all routes that such a plan may have, where there is room for them; otherwise only prove.
 
     Raises:
         InstanceError: too many segments for a proof, or HiGHS is not installed.
@@ -175,18 +182,16 @@ def decide_cover(
     kinds = list_kinds(instance, limits)
     most = sum(kind.limit * kind.count for kind in kinds)
     search = _search_cover(instance, kinds, known, goal=most)
-    if _is_refuted(search, most, go_on, thorough=every):
+    if _is_refuted(search, most, go_on, thorough=True):
         return False
     if not go_on(search.bound):
         return True
-    if not every:
-        return True
     ceiling = most * (1 + PROVEN)  # so that rounding excludes no plan
-    bound, plan = search.choose_routes(ceiling, lambda: go_on(search.bound))
+    bound, plan = search.choose_routes(ceiling, lambda: go_on(search.bound), any_plan=True)
     return bool(bound < ceiling) if plan is None else plan
 
 
-def _is_refuted(search: ColumnSearch, most: float, go_on: Report = go_on_always, *, thorough: bool = False) -> bool:
+def _is_refuted(search: ColumnSearch, most: float, go_on: Report, *, thorough: bool) -> bool:
     """Return whether it is proven that covering everything costs more than ``most``.
 
     A program of less cost cannot be refuted by its bound; only if ``thorough`` that is improved nevertheless.
@@ -201,7 +206,7 @@ def _search_cover(
     instance: Instance, kinds: Sequence[RouteKind], known: Sequence[Plan], *, goal: float
 ) -> ColumnSearch:  # fmt: skip
     most = sum(kind.limit * kind.count for kind in kinds)
-    search = ColumnSearch(instance.segments, kinds, penalty=2.0 * most + 1.0, goal=goal)
+    search = ColumnSearch(instance.segments, kinds, penalty=2.0 * most + 1.0, goal=goal, chooses=True)
     for plan in known:
         search.add_plan(plan)
     return search
@@ -229,24 +234,27 @@ def bound_earliest_window_s(instance: Instance, most_s: float, *, go_on: Report 
     if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")
     low = bound_window_by_trees_s(lift_locks(instance, range(len(instance.vehicles)))) if instance.segments > 0 else 0.0
-    low, most = min(low, most_s), most_s
-    while instance.segments > 0 and most - low > NEAR_S and go_on(low):
-        at_s = (low + most) / 2
-        if _is_window_refuted(instance, at_s, _report_fixed(go_on, low)):
-            low = at_s
-        else:
-            most = at_s
+    low = min(low, most_s)
+    for thorough in (False, True):
+        most = most_s  # no time from here on is refuted
+        while instance.segments > 0 and most - low > NEAR_S and go_on(low):
+            at_s = (low + most) / 2
+            if _is_window_refuted(instance, at_s, _report_fixed(go_on, low), thorough=thorough):
+                low = at_s
+            else:
+                most = at_s
     return low
 
 
-def _is_window_refuted(instance: Instance, at_s: float, go_on: Report) -> bool:
+def _is_window_refuted(instance: Instance, at_s: float, go_on: Report, *, thorough: bool) -> bool:
     """Return whether it is proven that no plan has a window that begins at a time or before."""
     kinds, lifted = list_kinds(instance), lift_locks(instance, range(len(instance.vehicles)))
     for number, kind in enumerate(kinds):
         # A vehicle of this kind has landed by then.
         short = _build_timed_kind(instance, kind, at_s, home=instance.home_s[kind.vehicles[0]])
         others = [replace(one, count=one.count - (other == number)) for other, one in enumerate(kinds)]
-        if not _is_refuted(*_search_beside(instance, [one for one in others if one.count > 0], [short]), go_on):
+        beside = _search_beside(instance, [one for one in others if one.count > 0], [short])
+        if not _is_refuted(*beside, go_on, thorough=thorough):
             return False
     fleet, survivors, paths = len(instance.vehicles), [], []
     for kind in list_kinds(lifted):
@@ -256,7 +264,7 @@ def _is_window_refuted(instance: Instance, at_s: float, go_on: Report) -> bool:
         survivors.append(replace(kind, start=start, move=move, idle=0.0, count=kind.count * (fleet - 1) / fleet))
         path = _build_timed_kind(lifted, kind, at_s, home=np.zeros(2 * instance.segments))
         paths.append(replace(path, count=kind.count / fleet, share=1.0 / fleet))
-    return _is_refuted(*_search_beside(instance, survivors, paths), go_on)
+    return _is_refuted(*_search_beside(instance, survivors, paths), go_on, thorough=thorough)
 
 
 def _build_timed_kind(instance: Instance, kind: RouteKind, most_s: float, *, home: FloatArray) -> RouteKind:

@@ -93,6 +93,32 @@ class Completions(NamedTuple):
     """Segment with which the first continues; -1 for the landing."""
 
 
+class Choosable(NamedTuple):
+    """Routes to choose from, ordered by their lowest segment, then by reduced cost."""
+
+    sets: IntTable
+    """(r, 2): segments of each route, a set in two words."""
+    reduced: Floats
+    """Reduced cost beyond the least of its kind."""
+    cost: Floats
+    kind: Ints
+    begin: Ints
+    """(n+1,): first route with each lowest segment."""
+
+
+class Partial(NamedTuple):
+    """Choice of up to ``k`` routes, one at each depth, and what those before it sum to."""
+
+    route: Annotated[Ints, "k"]
+    segment: Annotated[Ints, "k"]
+    """Lowest segment that they leave."""
+    low: Annotated[Ints, "k"]
+    """Segments that they visit, the first word."""
+    high: Annotated[Ints, "k"]
+    reduced: Annotated[Floats, "k"]
+    cost: Annotated[Floats, "k"]
+
+
 @kernel()
 def bound_completions(priced: Priced, weight: float, prize: Floats, bound: Completions) -> None:
     """Compute lower bounds on the reduced cost of completing a route, without loops over two segments.
@@ -391,3 +417,69 @@ def price_routes(
             for visit in range(visits):
                 again = again or labels.waiting[bucket, visit] >= 0
     return count, routes
+
+
+@kernel()
+def choose_partition(
+    routes: Choosable, segments: int, left: Ints, gap: float, ceiling: float, any_plan: bool, most_checks: int,
+    work: Partial, chosen: Ints,
+) -> tuple[float, bool]:  # fmt: skip
+    """Return the least cost, at most ``ceiling``, of routes that visit each segment once; whether all were tried.
+
+    The lowest segment left is visited next, so no choice is tried in two orders.
+
+    Args:
+        routes: the routes to choose from.
+        segments: number of segments.
+        left: number of routes of each kind that may be chosen; changed.
+        gap: a choice whose reduced costs sum to more is not cheaper than the ceiling.
+        ceiling: cost to beat.
+        any_plan: end with the first choice below the ceiling.
+        most_checks: end after so many routes.
+        work: work space.
+        chosen: set to the best choice, -1 after its last route; unchanged without one.
+    """
+    depth, checks = 0, 0
+    work.segment[0], work.route[0] = 0, routes.begin[0]
+    work.low[0], work.high[0], work.reduced[0], work.cost[0] = 0, 0, 0.0, 0.0
+    while True:
+        route = work.route[depth]
+        is_last = route == routes.begin[work.segment[depth] + 1]
+        if is_last or work.reduced[depth] + routes.reduced[route] > gap:
+            if depth == 0:
+                return ceiling, True
+            depth -= 1
+            left[routes.kind[work.route[depth]]] += 1
+            work.route[depth] += 1
+            continue
+        checks += 1
+        if checks > most_checks:
+            return ceiling, False
+        low, high = routes.sets[route, 0], routes.sets[route, 1]
+        if low & work.low[depth] != 0 or high & work.high[depth] != 0 or left[routes.kind[route]] == 0:
+            work.route[depth] += 1
+            continue
+        low |= work.low[depth]
+        high |= work.high[depth]
+        cost = work.cost[depth] + routes.cost[route]
+        segment = work.segment[depth] + 1
+        while segment < segments:
+            visited = (low >> segment) & 1 if segment < WORD else (high >> (segment - WORD)) & 1
+            if visited == 0:
+                break
+            segment += 1
+        if segment < segments and depth + 1 < len(chosen):
+            left[routes.kind[route]] -= 1
+            reduced = work.reduced[depth] + routes.reduced[route]
+            depth += 1
+            work.segment[depth], work.route[depth] = segment, routes.begin[segment]
+            work.low[depth], work.high[depth], work.reduced[depth], work.cost[depth] = low, high, reduced, cost
+            continue
+        if segment == segments and cost < ceiling:
+            gap -= ceiling - cost
+            ceiling = cost
+            for place in range(len(chosen)):
+                chosen[place] = work.route[place] if place <= depth else -1
+            if any_plan:
+                return ceiling, False
+        work.route[depth] += 1

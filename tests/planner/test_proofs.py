@@ -59,6 +59,22 @@ def test_every_step_proves_a_bound(instance: Instance) -> None:
     assert search.bound == pytest.approx(search.value, rel=1e-5, abs=1e-5)
 
 
+def test_the_bound_on_the_longest_route_grows_with_the_steps_of_each_program() -> None:
+    instance = random_instance(10, 7, fleet(26.0, 26.0, 26.0))
+    known = find_covering_plan(instance)
+    assert known is not None
+    best = solve_exact(instance, cost=Cost.MINMAX, stop=TO_THE_END).evaluation.value
+    bounds = []
+
+    def go_on(bound: float) -> bool:
+        bounds.append(bound)
+        return len(bounds) < 20
+
+    bound_longest_pct(instance, known, go_on=go_on)
+    assert bounds == sorted(bounds)
+    assert 0.9 * best < bounds[-1] <= best + 1e-6
+
+
 @pytest.mark.parametrize("seed", [10, 15, 17, 30])
 def test_tightened_routes_close_what_the_first_program_leaves_open(seed: int) -> None:
     instance = random_instance(seed, 7, fleet(26.0, 26.0, 26.0))
