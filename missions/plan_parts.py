@@ -230,6 +230,8 @@ class PlanCost:
     name: Annotated[str, one_of([*(cost.value for cost in Cost), WINDOW_COST, COVERAGE_COST])]
     value: Figure
     """Cost in percent of a full battery; for a window, its ``earliest_s``; for coverage, the probability."""
+    bound: Figure | None = None
+    """Proven least cost of a plan with as many segments and flying vehicles; only ``--solver exact`` proves one."""
 
 
 @dataclass(frozen=True, slots=True)

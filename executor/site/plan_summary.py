@@ -105,8 +105,16 @@ def summarise_plan(plan: PlanFile) -> str:
     if not flown:
         return f"none of {asked} segments, no vehicle flies"
     longest = max(plan.routes, key=lambda route: route.duration_s)
-    route = f"longest route {longest.duration_s / 60:.1f} min ({longest.vehicle})"
-    return f"{flown} of {asked} segments, {route}, chosen by {plan.cost.name}"
+    route, proof = f"longest route {longest.duration_s / 60:.1f} min ({longest.vehicle})", _describe_proof(plan)
+    return f"{flown} of {asked} segments, {route}, chosen by {plan.cost.name}{proof}"
+
+
+def _describe_proof(plan: PlanFile) -> str:
+    """Return how good the plan is proven to be; empty without a proof."""
+    if plan.cost.bound is None:
+        return ""
+    gap_pct = 100.0 * (1.0 - plan.cost.bound / plan.cost.value)
+    return ", proven: no plan is better" if gap_pct < 0.01 else f", proven: no plan is more than {gap_pct:.2f} % better"
 
 
 def describe_window(plan: PlanFile) -> list[str]:

@@ -171,6 +171,7 @@ def plan_site(
     task = site_model.build_first_task(ground) if task is None else task
     wanted = wanted.adapt_to_task(task)
     chosen_by: planner.Cost | missions.Window | missions.CoverageChance
+    bound: float | None = None
     if wanted.mtbf_h is not None:
         chance = planner.solve_coverage(
             task.instance, mtbf_h=wanted.mtbf_h, stop=wanted.build_stop_rule(planner.NoImprovement(WINDOW_SETTLED)),
@@ -188,8 +189,9 @@ def plan_site(
         plan, seconds, chosen_by = found.plan, found.seconds, to_plan_window(found.window, task.instance)
     else:
         result = _solve_task(task.instance, wanted, wanted.cost, on_progress)
-        plan, seconds, chosen_by = result.plan, result.seconds, wanted.cost
+        plan, seconds, chosen_by, bound = result.plan, result.seconds, wanted.cost, result.bound
     if ground.inspection.same_distance:
+        bound = None  # its routes and moves change
         if not isinstance(chosen_by, missions.CoverageChance):
             plan = rearrange_plan(ground, task, plan, chosen_by)
         task = site_model.adjust_task_to_layers(ground, task, plan)
@@ -203,7 +205,8 @@ def plan_site(
             again = planner.replan_window(task.instance, plan, fly_again=may_fly_again(ground), losses=wanted.losses)
             chosen_by = to_plan_window(again, task.instance)
     solved = missions.SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
-    return build_site_plan_file(ground, task, plan, chosen_by, solved)
+    content = build_site_plan_file(ground, task, plan, chosen_by, solved)
+    return content if bound is None else replace(content, cost=replace(content.cost, bound=bound))
 
 
 def rearrange_plan(

@@ -14,8 +14,9 @@ from executor.cli.options import DEFAULT_REPLAN_COST
 from executor.core.interface.codes import Severity
 from executor.site.plan_summary import build_plan_checks, describe_left_over, describe_routes, summarise_plan
 from executor.site.site_model import build_first_task
-from executor.site.site_planning import DEFAULT, check_plan_fits, describe_site_changes, plan_site
-from missions import PlanFile, PlanFileError
+from executor.site.site_planning import DEFAULT, PlanSolver, check_plan_fits, describe_site_changes, plan_site
+from missions import PlanFile, PlanFileError, read_plan, write_plan
+from planner import Cost
 from tests.executor.builders import ground_for, site_of
 from tests.executor.cli.test_main import Place, place
 from tests.missions.builders import line_east
@@ -166,6 +167,17 @@ def test_a_vehicle_without_segments_stays_or_returns() -> None:
 
 def test_a_re_plan_for_nothing_is_said_to_be_one() -> None:
     assert summarise_plan(replace(PLAN, segments=(), routes=())) == "no segment is open"
+
+
+def test_a_proven_plan_says_how_good_it_is(tmp_path: Path) -> None:
+    exact = replace(DEFAULT, cost=Cost.MINMAX, usual=False, solver=PlanSolver.EXACT, seconds=600.0)
+    write_plan(tmp_path / "plan.json", plan_site(GROUND, exact))
+    plan = read_plan(tmp_path / "plan.json")
+    assert plan.cost.bound == pytest.approx(plan.cost.value)
+    assert summarise_plan(plan).endswith(", chosen by minmax, proven: no plan is better")
+    unfinished = replace(plan, cost=replace(plan.cost, bound=0.9 * plan.cost.value))
+    assert summarise_plan(unfinished).endswith(", proven: no plan is more than 10.00 % better")
+    assert "proven" not in summarise_plan(PLAN)
 
 
 ORDERS: list[Callable[[str], list[str]]] = [
