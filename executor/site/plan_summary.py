@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,8 @@ OUT_OF_TIME = "within reach, but no time is left"
 LOCKED = "locked to {vehicle}: {why}"
 NO_CAMERA = "it has no camera for it"
 FULL = 1e-9
+CLOSED_PCT = 0.001
+"""Gap below which a plan is said to be the best: ten times what the proofs themselves leave."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +117,10 @@ def _describe_proof(plan: PlanFile) -> str:
     if plan.cost.bound is None:
         return ""
     gap_pct = 100.0 * (1.0 - plan.cost.bound / plan.cost.value)
-    return ", proven: no plan is better" if gap_pct < 0.01 else f", proven: no plan is more than {gap_pct:.2f} % better"
+    if gap_pct < CLOSED_PCT:
+        return ", proven: no plan is better"
+    gap_pct = math.ceil(100.0 * gap_pct - CLOSED_PCT) / 100.0  # rounded down it would promise too much
+    return f", proven: no plan is more than {gap_pct:.2f} % better"
 
 
 def describe_window(plan: PlanFile) -> list[str]:
